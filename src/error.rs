@@ -1,0 +1,146 @@
+//! The one error type of the crate.
+//!
+//! Every message says what is wrong, where (file, line, element) and what to do about it, so that the
+//! command line can print it as it stands.
+
+use std::path::{Path, PathBuf};
+
+/// What can go wrong in barymap.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A file could not be opened, read or written.
+    #[error("{path}: {source}. {remedy}", path = path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the operating system said.
+        source: std::io::Error,
+        /// What the user can do.
+        remedy: String,
+    },
+    /// A file was read but its content is not what its format asks for.
+    #[error("{path}{place}: {what}. {remedy}", path = path.display(), place = line.map(|l| format!(", line {l}")).unwrap_or_default())]
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// 1-based line, where the format has lines.
+        line: Option<usize>,
+        /// What is wrong.
+        what: String,
+        /// What the user can do.
+        remedy: String,
+    },
+    /// A mesh cannot be used for what was asked.
+    #[error("mesh {name}: {what}. {remedy}")]
+    Mesh {
+        /// Name of the mesh, usually its file.
+        name: String,
+        /// What is wrong, with the element's index.
+        what: String,
+        /// What the user can do.
+        remedy: String,
+    },
+    /// Anchors, weights or points do not fit the mesh or one another.
+    #[error("{what}. {remedy}")]
+    Input {
+        /// What is wrong, with the element's index.
+        what: String,
+        /// What the user can do.
+        remedy: String,
+    },
+    /// An option has a value outside its range.
+    #[error("option {option}: {what}. {remedy}")]
+    Option {
+        /// The option as the command line or the library spells it.
+        option: String,
+        /// What is wrong with its value.
+        what: String,
+        /// What the user can do.
+        remedy: String,
+    },
+    /// No graphics adapter could be used.
+    #[error(
+        "no usable graphics adapter: {what}. Install a Vulkan driver (Debian and Ubuntu: apt-get install mesa-vulkan-drivers libvulkan1) or use --backend cpu"
+    )]
+    NoAdapter {
+        /// What was looked for and found.
+        what: String,
+    },
+    /// The adapter lacks something a kernel needs.
+    #[error("the adapter offers {actual} of {limit}, {required} are needed. Use --backend cpu or another adapter")]
+    Capability {
+        /// Name of the limit.
+        limit: String,
+        /// What is needed.
+        required: u64,
+        /// What there is.
+        actual: u64,
+    },
+    /// The device was lost, ran out of memory or refused a command.
+    #[error("graphics device: {what}. {remedy}")]
+    Device {
+        /// What the device or driver said.
+        what: String,
+        /// What the user can do.
+        remedy: String,
+    },
+    /// The work would need more memory than the user allows.
+    #[error("{what} needs {required} bytes, {allowed} are allowed. Raise --memory or lower the size")]
+    Memory {
+        /// What needs it.
+        what: String,
+        /// Bytes needed.
+        required: u64,
+        /// Bytes allowed.
+        allowed: u64,
+    },
+    /// A numerical step failed (a factorisation that broke down, an embedding that is not finite).
+    #[error("{what}. {remedy}")]
+    Numeric {
+        /// Which step, on which input.
+        what: String,
+        /// What the user can do.
+        remedy: String,
+    },
+}
+
+/// Shorthand for results of this crate.
+pub type Result<T> = std::result::Result<T, Error>;
+
+impl Error {
+    /// An [`Error::Io`] on `path`.
+    pub fn io(path: impl AsRef<Path>, source: std::io::Error, remedy: impl Into<String>) -> Self {
+        Self::Io { path: path.as_ref().to_path_buf(), source, remedy: remedy.into() }
+    }
+
+    /// An [`Error::Format`] of `path` at a 1-based `line`.
+    pub fn format(
+        path: impl AsRef<Path>,
+        line: Option<usize>,
+        what: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> Self {
+        Self::Format { path: path.as_ref().to_path_buf(), line, what: what.into(), remedy: remedy.into() }
+    }
+
+    /// An [`Error::Input`].
+    pub fn input(what: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self::Input { what: what.into(), remedy: remedy.into() }
+    }
+
+    /// An [`Error::Mesh`].
+    pub fn mesh(name: impl Into<String>, what: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self::Mesh { name: name.into(), what: what.into(), remedy: remedy.into() }
+    }
+
+    /// An [`Error::Option`].
+    pub fn option(option: impl Into<String>, what: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self::Option { option: option.into(), what: what.into(), remedy: remedy.into() }
+    }
+
+    /// An [`Error::Numeric`].
+    pub fn numeric(what: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self::Numeric { what: what.into(), remedy: remedy.into() }
+    }
+}

@@ -1,0 +1,236 @@
+//! Polygon meshes as files hold them, seen as triangles.
+
+use glam::{DVec2, DVec3};
+
+/// Marks a missing index (no texture coordinate, no neighbour).
+pub const NONE: u32 = u32::MAX;
+
+/// One corner of a polygon.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Corner {
+    /// 0-based vertex.
+    pub vertex: u32,
+    /// 0-based texture coordinate or [`NONE`].
+    pub texcoord: u32,
+    /// 0-based normal or [`NONE`].
+    pub normal: u32,
+}
+
+/// A material by name, with the texture it refers to.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Material {
+    /// Name in the file.
+    pub name: String,
+    /// The base colour texture, as a path that can be opened (already joined with the material file's folder).
+    pub base_color_texture: Option<std::path::PathBuf>,
+    /// Base colour factor, RGBA, linear as stored.
+    pub base_color: [f32; 4],
+}
+
+/// A polygon mesh with texture coordinates, groups and materials in file order, and its triangles.
+///
+/// A vertex index is the position of its line in the file whatever is unused. Triangle indices count the fan triangulation of
+/// each polygon from its first corner, in file order; degenerate triangles keep their number. Positions are in the file's
+/// units and axes; texture row v = 1 is the top of the picture.
+#[derive(Clone, Debug, Default)]
+pub struct Mesh {
+    /// Where it came from; used in messages.
+    pub name: String,
+    /// Vertex positions.
+    pub positions: Vec<DVec3>,
+    /// Texture coordinates, referred to by corners.
+    pub texcoords: Vec<DVec2>,
+    /// Normals, referred to by corners.
+    pub normals: Vec<DVec3>,
+    /// Materials, referred to by polygons.
+    pub materials: Vec<Material>,
+    /// Group or object names, referred to by polygons.
+    pub groups: Vec<String>,
+    corners: Vec<Corner>,
+    /// First corner of each polygon, and the number of corners at the end.
+    polygon_start: Vec<u32>,
+    polygon_material: Vec<u32>,
+    polygon_group: Vec<u32>,
+    /// Corner indices of each triangle.
+    triangles: Vec<[u32; 3]>,
+    triangle_polygon: Vec<u32>,
+}
+
+impl Mesh {
+    /// A mesh of triangles with no texture coordinates.
+    pub fn from_triangles(name: impl Into<String>, positions: Vec<DVec3>, triangles: &[[u32; 3]]) -> Self {
+        let mut builder = MeshBuilder::new(name);
+        builder.mesh.positions = positions;
+        for t in triangles {
+            builder.polygon(t.iter().map(|&vertex| Corner { vertex, texcoord: NONE, normal: NONE }));
+        }
+        builder.build()
+    }
+
+    /// Number of vertices, used or not.
+    pub fn vertex_count(&self) -> usize {
+        self.positions.len()
+    }
+
+    /// Number of triangles, degenerate ones included.
+    pub fn triangle_count(&self) -> usize {
+        self.triangles.len()
+    }
+
+    /// Number of polygons.
+    pub fn polygon_count(&self) -> usize {
+        self.polygon_start.len().saturating_sub(1)
+    }
+
+    /// The corners of polygon `p`.
+    pub fn polygon(&self, p: usize) -> &[Corner] {
+        &self.corners[self.polygon_start[p] as usize..self.polygon_start[p + 1] as usize]
+    }
+
+    /// Material of polygon `p`, or [`NONE`].
+    pub fn polygon_material(&self, p: usize) -> u32 {
+        self.polygon_material[p]
+    }
+
+    /// Group of polygon `p`, or [`NONE`].
+    pub fn polygon_group(&self, p: usize) -> u32 {
+        self.polygon_group[p]
+    }
+
+    /// The polygon that triangle `t` is part of.
+    pub fn triangle_polygon(&self, t: usize) -> u32 {
+        self.triangle_polygon[t]
+    }
+
+    /// Material of triangle `t`, or [`NONE`].
+    pub fn triangle_material(&self, t: usize) -> u32 {
+        self.polygon_material[self.triangle_polygon[t] as usize]
+    }
+
+    /// The three corners of triangle `t`.
+    pub fn triangle_corners(&self, t: usize) -> [Corner; 3] {
+        self.triangles[t].map(|c| self.corners[c as usize])
+    }
+
+    /// The three vertices of triangle `t`.
+    pub fn triangle(&self, t: usize) -> [u32; 3] {
+        self.triangles[t].map(|c| self.corners[c as usize].vertex)
+    }
+
+    /// The vertices of all triangles.
+    pub fn triangles(&self) -> Vec<[u32; 3]> {
+        (0..self.triangle_count()).map(|t| self.triangle(t)).collect()
+    }
+
+    /// Positions of the three corners of triangle `t`.
+    pub fn triangle_positions(&self, t: usize) -> [DVec3; 3] {
+        self.triangle(t).map(|v| self.positions[v as usize])
+    }
+
+    /// Texture coordinates of the corners of triangle `t`, if all three have one.
+    pub fn triangle_texcoords(&self, t: usize) -> Option<[DVec2; 3]> {
+        let c = self.triangle_corners(t);
+        c.iter().all(|c| c.texcoord != NONE).then(|| c.map(|c| self.texcoords[c.texcoord as usize]))
+    }
+
+    /// Whether some triangle has texture coordinates.
+    pub fn has_texcoords(&self) -> bool {
+        self.corners.iter().any(|c| c.texcoord != NONE)
+    }
+
+    /// Area-weighted normal of triangle `t`: its length is twice the area, counter-clockwise is outside.
+    pub fn triangle_area_normal(&self, t: usize) -> DVec3 {
+        let [a, b, c] = self.triangle_positions(t);
+        (b - a).cross(c - a)
+    }
+
+    /// Area of triangle `t`.
+    pub fn triangle_area(&self, t: usize) -> f64 {
+        0.5 * self.triangle_area_normal(t).length()
+    }
+
+    /// Area of all triangles.
+    pub fn area(&self) -> f64 {
+        (0..self.triangle_count()).map(|t| self.triangle_area(t)).sum()
+    }
+
+    /// Mean length of the triangles' edges (inner edges count once per triangle); 0 without triangles.
+    pub fn mean_edge_length(&self) -> f64 {
+        let n = self.triangle_count();
+        if n == 0 {
+            return 0.0;
+        }
+        let sum: f64 = (0..n)
+            .map(|t| {
+                let [a, b, c] = self.triangle_positions(t);
+                a.distance(b) + b.distance(c) + c.distance(a)
+            })
+            .sum();
+        sum / (3 * n) as f64
+    }
+
+    /// Smallest and largest coordinates of the used vertices; `None` without any.
+    pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
+        self.corners.iter().map(|c| self.positions[c.vertex as usize]).fold(None, |b, p| match b {
+            None => Some((p, p)),
+            Some((lo, hi)) => Some((lo.min(p), hi.max(p))),
+        })
+    }
+}
+
+/// Builds a [`Mesh`] polygon by polygon.
+///
+/// Indices are not checked here: a reader checks them where it knows the line (`io`), and [`MeshBuilder::build`] panics on an
+/// index out of range, which is a bug of the reader.
+#[derive(Debug, Default)]
+pub struct MeshBuilder {
+    /// Positions, texture coordinates, normals, materials and groups are filled in directly.
+    pub mesh: Mesh,
+    /// Material of the polygons that follow, or [`NONE`].
+    pub material: u32,
+    /// Group of the polygons that follow, or [`NONE`].
+    pub group: u32,
+}
+
+impl MeshBuilder {
+    /// An empty mesh.
+    pub fn new(name: impl Into<String>) -> Self {
+        let mesh = Mesh { name: name.into(), polygon_start: vec![0], ..Mesh::default() };
+        Self { mesh, material: NONE, group: NONE }
+    }
+
+    /// Appends a polygon, triangulated as a fan from its first corner. Fewer than three corners make a polygon without triangles.
+    pub fn polygon(&mut self, corners: impl IntoIterator<Item = Corner>) {
+        let m = &mut self.mesh;
+        let first = m.corners.len() as u32;
+        m.corners.extend(corners);
+        let end = m.corners.len() as u32;
+        let polygon = m.polygon_start.len() as u32 - 1;
+        m.polygon_start.push(end);
+        m.polygon_material.push(self.material);
+        m.polygon_group.push(self.group);
+        for k in first + 2..end {
+            m.triangles.push([first, k - 1, k]);
+            m.triangle_polygon.push(polygon);
+        }
+    }
+
+    /// The finished mesh.
+    ///
+    /// # Panics
+    /// If a corner, material or group index is out of range.
+    pub fn build(self) -> Mesh {
+        let m = self.mesh;
+        let ok = |i: u32, n: usize| i == NONE || (i as usize) < n;
+        for c in &m.corners {
+            assert!((c.vertex as usize) < m.positions.len(), "vertex {} of {}", c.vertex, m.positions.len());
+            assert!(
+                ok(c.texcoord, m.texcoords.len()) && ok(c.normal, m.normals.len()),
+                "corner attribute out of range"
+            );
+        }
+        assert!(m.polygon_material.iter().all(|&i| ok(i, m.materials.len())), "material out of range");
+        assert!(m.polygon_group.iter().all(|&i| ok(i, m.groups.len())), "group out of range");
+        m
+    }
+}

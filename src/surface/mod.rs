@@ -1,0 +1,1 @@
+//! Weighted averages on surfaces (Panozzo et al. 2013).
