@@ -1,1 +1,5 @@
 //! Weighted averages on surfaces (Panozzo et al. 2013).
+
+mod packed;
+
+pub use packed::{PackedImage, PackedPoint, PointMap, Status};
