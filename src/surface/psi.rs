@@ -1,0 +1,318 @@
+//! The interpolated tangent plane Psi of a triangle (paper, section 3.2, eq. 10-12) and Newton's method on it.
+//!
+//! With `A_k` the six bases of eq. 12 and `s = x1 x2 + x2 x3 + x3 x1`, eq. 11 is a convex combination of them:
+//!
+//! ```text
+//! Psi(x) = sum c_k A_k,   c_k = m_k / s,   sum c_k = 1,   h = x1 x2 x3 / 2
+//! m = (x1^2 x2 + h, x1 x2^2 + h, x2^2 x3 + h, x2 x3^2 + h, x3^2 x1 + h, x3 x1^2 + h)
+//! ```
+//!
+//! Every `A_k = G_k T_i(k)` is one of the three vertex bases turned or mirrored in its plane by `G_k` in O(2), i = (1, 2, 2, 3, 3, 1). The
+//! division by `s` stays inside the iteration: the polynomial `s Psi` vanishes at all three vertices and would have spurious
+//! roots there.
+
+use crate::engine::Real;
+
+use super::vector::{Vector, dot, sub};
+
+/// The corner whose tangent basis `A_k` is made of.
+pub const CORNER_OF_BASIS: [usize; 6] = [0, 1, 1, 2, 2, 0];
+
+/// An element of O(2): the matrix `[[c, -f s], [s, f c]]`, a rotation for `f = 1`, a reflection for `f = -1`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Orthogonal2<S> {
+    /// Cosine.
+    pub c: S,
+    /// Sine.
+    pub s: S,
+    /// Determinant, 1 or -1.
+    pub f: S,
+}
+
+/// A 2x2 matrix in row order.
+pub type Matrix2<S> = [S; 4];
+
+impl<S: Real> Orthogonal2<S> {
+    /// The identity.
+    pub const IDENTITY: Self = Self { c: S::ONE, s: S::ZERO, f: S::ONE };
+
+    /// `Ort(A)`, the nearest element of O(2) to `A` in the Frobenius norm (eq. 10), in closed form: the nearest rotation where `det A >= 0`,
+    /// else the nearest reflection; the identity for `A = 0`.
+    pub fn nearest(a: Matrix2<S>) -> Self {
+        let [a, b, c, d] = a;
+        let f = if a * d - b * c >= S::ZERO { S::ONE } else { -S::ONE };
+        let (x, y) = (a + f * d, c - f * b);
+        let n = (x * x + y * y).sqrt();
+        if n > S::ZERO { Self { c: x / n, s: y / n, f } } else { Self::IDENTITY }
+    }
+
+    /// The matrix.
+    pub fn matrix(self) -> Matrix2<S> {
+        [self.c, -(self.f * self.s), self.s, self.f * self.c]
+    }
+
+    /// The transpose, which is the inverse.
+    pub fn transpose(self) -> Self {
+        if self.f > S::ZERO { Self { s: -self.s, ..self } } else { self }
+    }
+
+    /// The product `self * other`.
+    pub fn times(self, other: Self) -> Self {
+        Self {
+            c: self.c * other.c - self.f * self.s * other.s,
+            s: self.s * other.c + self.f * self.c * other.s,
+            f: self.f * other.f,
+        }
+    }
+
+    /// The product with a vector.
+    #[inline(always)]
+    pub fn apply(self, p: [S; 2]) -> [S; 2] {
+        let fy = self.f * p[1];
+        [self.c * p[0] - self.s * fy, self.s * p[0] + self.c * fy]
+    }
+
+    /// Converts the scalars.
+    pub fn cast<T: Real>(self) -> Orthogonal2<T> {
+        Orthogonal2 { c: T::of(self.c.to_f64()), s: T::of(self.s.to_f64()), f: T::of(self.f.to_f64()) }
+    }
+}
+
+/// The product of two 2x2 matrices.
+pub fn times<S: Real>(a: Matrix2<S>, b: Matrix2<S>) -> Matrix2<S> {
+    [a[0] * b[0] + a[1] * b[2], a[0] * b[1] + a[1] * b[3], a[2] * b[0] + a[3] * b[2], a[2] * b[1] + a[3] * b[3]]
+}
+
+/// `c_k` at barycentric coordinates `x`. At a vertex, where they depend on the direction of approach but the plane does not, both bases of
+/// the vertex get one half.
+#[inline(always)]
+pub fn coefficients<S: Real>(x: &[S; 3]) -> [S; 6] {
+    let s = x[0] * x[1] + x[1] * x[2] + x[2] * x[0];
+    if s <= at_vertex::<S>() {
+        let half = S::of(0.5);
+        return if x[0] >= x[1] && x[0] >= x[2] {
+            [half, S::ZERO, S::ZERO, S::ZERO, S::ZERO, half]
+        } else if x[1] >= x[2] {
+            [S::ZERO, half, half, S::ZERO, S::ZERO, S::ZERO]
+        } else {
+            [S::ZERO, S::ZERO, S::ZERO, half, half, S::ZERO]
+        };
+    }
+    let r = S::ONE / s;
+    weights(x).map(|m| m * r)
+}
+
+/// `m_k`.
+#[inline(always)]
+fn weights<S: Real>(x: &[S; 3]) -> [S; 6] {
+    let h = S::of(0.5) * x[0] * x[1] * x[2];
+    [
+        x[0] * x[0] * x[1] + h,
+        x[0] * x[1] * x[1] + h,
+        x[1] * x[1] * x[2] + h,
+        x[1] * x[2] * x[2] + h,
+        x[2] * x[2] * x[0] + h,
+        x[2] * x[0] * x[0] + h,
+    ]
+}
+
+/// `s` below which a point counts as a vertex: `s` is about the distance to the vertex in barycentric units, and the quotients `m_k / s` lose
+/// `EPSILON / s` of their value.
+#[inline(always)]
+pub fn at_vertex<S: Real>() -> S {
+    S::of(8.0) * S::EPSILON
+}
+
+/// A triangle of a surface in R^D as a projection needs it.
+#[derive(Clone, Copy, Debug)]
+pub struct TangentTriangle<'a, S, const D: usize> {
+    /// Vertices.
+    pub v: [&'a Vector<S, D>; 3],
+    /// Orthonormal tangent bases at the vertices.
+    pub t: [&'a [Vector<S, D>; 2]; 3],
+    /// `G_k`.
+    pub gauge: &'a [Orthogonal2<S>; 6],
+}
+
+/// How Newton's method on a triangle ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Root<S> {
+    /// A root within the triangle, up to [`slack`]; clamped and renormalised.
+    Inside([S; 3]),
+    /// The iteration left the triangle; the coordinates where it was given up.
+    Outside([S; 3]),
+}
+
+/// How far outside a triangle a root may lie and still count as on its edge: without it, roots on edges fall between two triangles. It bounds the
+/// rounding of a root of a well-conditioned triangle and is far below a texel.
+#[inline(always)]
+pub fn slack<S: Real>() -> S {
+    // 1e-4 in single, 1e-9 in double precision (the values of the prototype's study), as one function of the precision.
+    if S::EPSILON > S::of(1e-10) { S::of(1e-4) } else { S::of(1e-9) }
+}
+
+/// Steps after which Newton's method is given up; three or four are usual.
+pub const NEWTON_STEPS: usize = 12;
+
+impl<S: Real, const D: usize> TangentTriangle<'_, S, D> {
+    /// `P_ij = T_i (v_j - ybar)`.
+    #[inline(always)]
+    fn tangential(&self, mean: &Vector<S, D>) -> [[[S; 2]; 3]; 3] {
+        let d = [sub(self.v[0], mean), sub(self.v[1], mean), sub(self.v[2], mean)];
+        let row = |t: &[Vector<S, D>; 2]| {
+            [
+                [dot(&t[0], &d[0]), dot(&t[1], &d[0])],
+                [dot(&t[0], &d[1]), dot(&t[1], &d[1])],
+                [dot(&t[0], &d[2]), dot(&t[1], &d[2])],
+            ]
+        };
+        [row(self.t[0]), row(self.t[1]), row(self.t[2])]
+    }
+
+    /// Phong projection of `mean` onto the triangle by Newton's method (eq. 7 and 8) from `start`.
+    ///
+    /// In two unknowns: `f = Psi (sum x_j v_j - ybar) = sum_k c_k G_k p_i(k)` with `p_i = sum_j x_j P_ij`, and its analytic Jacobian.
+    /// `patience` is the barycentric distance outside the triangle at which the iteration is given up. About 420 flops to
+    /// set up and 300 per step.
+    pub fn project(&self, mean: &Vector<S, D>, start: [S; 3], patience: S) -> Root<S> {
+        let p = self.tangential(mean);
+        let tolerance = S::of(8.0) * S::EPSILON;
+        let mut x = start;
+        let mut last = S::HUGE;
+        for _ in 0..NEWTON_STEPS {
+            let Some([dx, dy]) = self.newton_step(&p, &x) else {
+                return Root::Outside(x);
+            };
+            x = [x[0] + dx, x[1] + dy, x[2] - dx - dy];
+            let lowest = x[0].minimum(x[1]).minimum(x[2]);
+            if !(lowest >= -patience) {
+                return Root::Outside(x);
+            }
+            let step = dx.abs().maximum(dy.abs());
+            let s = x[0] * x[1] + x[1] * x[2] + x[2] * x[0];
+            if s <= at_vertex::<S>() {
+                return self.vertex_root(&p, x);
+            }
+            // Quadratic convergence: once a step is below the square root of the precision the next one is rounding.
+            if step <= tolerance || (step <= S::of(1e-4) && step * step <= S::EPSILON && last < S::HUGE) {
+                return inside_or_not(x);
+            }
+            last = step;
+        }
+        if last <= S::of(1e-3) { inside_or_not(x) } else { Root::Outside(x) }
+    }
+
+    /// The iterate has reached a vertex (or passed the circle through the vertices, where Psi has its pole).
+    ///
+    /// At a vertex Psi spans the vertex's own tangent plane whatever the direction, so the vertex is a root where `P_ii` vanishes.
+    fn vertex_root(&self, p: &[[[S; 2]; 3]; 3], x: [S; 3]) -> Root<S> {
+        let i = usize::from(x[1] > x[0]);
+        let i = if x[2] > x[i] { 2 } else { i };
+        let j = (i + 1) % 3;
+        let k = (i + 2) % 3;
+        let size = |q: [S; 2]| q[0].abs().maximum(q[1].abs());
+        // Edges as seen in the vertex's tangent plane give the scale; the slack is the one of edges.
+        let scale = size([p[i][j][0] - p[i][i][0], p[i][j][1] - p[i][i][1]])
+            .maximum(size([p[i][k][0] - p[i][i][0], p[i][k][1] - p[i][i][1]]));
+        let near = x[j].abs() <= slack::<S>() && x[k].abs() <= slack::<S>();
+        if near && size(p[i][i]) <= slack::<S>() * scale {
+            let mut e = [S::ZERO; 3];
+            e[i] = S::ONE;
+            return Root::Inside(e);
+        }
+        Root::Outside(x)
+    }
+
+    /// One Newton step `(dx1, dx2)`; `None` where the Jacobian is singular.
+    #[inline(always)]
+    fn newton_step(&self, p: &[[[S; 2]; 3]; 3], x: &[S; 3]) -> Option<[S; 2]> {
+        let [x1, x2, x3] = *x;
+        let half = S::of(0.5);
+        let two = S::of(2.0);
+        let s = x1 * x2 + x2 * x3 + x3 * x1;
+        let r = S::ONE / s;
+        let c = weights(x).map(|m| m * r);
+        let ds = [x2 + x3, x3 + x1, x1 + x2];
+        let (a, b, d) = (half * x2 * x3, half * x3 * x1, half * x1 * x2);
+        let dm = [
+            [two * x1 * x2 + a, x1 * x1 + b, d],
+            [x2 * x2 + a, two * x1 * x2 + b, d],
+            [a, two * x2 * x3 + b, x2 * x2 + d],
+            [a, x3 * x3 + b, two * x2 * x3 + d],
+            [x3 * x3 + a, b, two * x3 * x1 + d],
+            [two * x3 * x1 + a, b, x1 * x1 + d],
+        ];
+        let mut f = [S::ZERO; 2];
+        let mut df = [[S::ZERO; 2]; 3];
+        for k in 0..6 {
+            let i = CORNER_OF_BASIS[k];
+            let pi = [
+                x1 * p[i][0][0] + x2 * p[i][1][0] + x3 * p[i][2][0],
+                x1 * p[i][0][1] + x2 * p[i][1][1] + x3 * p[i][2][1],
+            ];
+            let u = self.gauge[k].apply(pi);
+            f[0] += c[k] * u[0];
+            f[1] += c[k] * u[1];
+            for l in 0..3 {
+                let dc = (dm[k][l] - c[k] * ds[l]) * r;
+                let q = self.gauge[k].apply(p[i][l]);
+                df[l][0] += dc * u[0] + c[k] * q[0];
+                df[l][1] += dc * u[1] + c[k] * q[1];
+            }
+        }
+        let j = [df[0][0] - df[2][0], df[1][0] - df[2][0], df[0][1] - df[2][1], df[1][1] - df[2][1]];
+        let det = j[0] * j[3] - j[1] * j[2];
+        let size = j[0].abs().maximum(j[3].abs()) * j[0].abs().maximum(j[3].abs())
+            + j[1].abs().maximum(j[2].abs()) * j[1].abs().maximum(j[2].abs());
+        if !(det.abs() > S::EPSILON * size) {
+            return None;
+        }
+        let q = S::ONE / det;
+        Some([(j[1] * f[1] - j[3] * f[0]) * q, (j[2] * f[0] - j[0] * f[1]) * q])
+    }
+
+    /// `Psi(x)`: two rows of R^D spanning the interpolated tangent plane, not orthonormal.
+    pub fn psi(&self, x: &[S; 3]) -> [Vector<S, D>; 2] {
+        let c = coefficients(x);
+        // The two bases of a corner share its tangents, so their matrices add up first.
+        let mut h = [[S::ZERO; 4]; 3];
+        for k in 0..6 {
+            let m = self.gauge[k].matrix();
+            for e in 0..4 {
+                h[CORNER_OF_BASIS[k]][e] += c[k] * m[e];
+            }
+        }
+        let mut rows = [[S::ZERO; D]; 2];
+        for i in 0..3 {
+            for e in 0..D {
+                rows[0][e] += h[i][0] * self.t[i][0][e] + h[i][1] * self.t[i][1][e];
+                rows[1][e] += h[i][2] * self.t[i][0][e] + h[i][3] * self.t[i][1][e];
+            }
+        }
+        rows
+    }
+
+    /// The point with barycentric coordinates `x`.
+    #[inline(always)]
+    pub fn point(&self, x: &[S; 3]) -> Vector<S, D> {
+        super::vector::combine(x, self.v)
+    }
+
+    /// `Psi(x) (sum x_j v_j - ybar)`: zero at a Phong projection (eq. 7). In units of the surface.
+    pub fn residual(&self, mean: &Vector<S, D>, x: &[S; 3]) -> [S; 2] {
+        let psi = self.psi(x);
+        let d = sub(&self.point(x), mean);
+        [dot(&psi[0], &d), dot(&psi[1], &d)]
+    }
+}
+
+/// Accepts coordinates within the slack, clamped to the triangle.
+#[inline(always)]
+fn inside_or_not<S: Real>(x: [S; 3]) -> Root<S> {
+    if !(x[0] >= -slack::<S>() && x[1] >= -slack::<S>() && x[2] >= -slack::<S>()) {
+        return Root::Outside(x);
+    }
+    let x = x.map(|v| v.maximum(S::ZERO));
+    let sum = x[0] + x[1] + x[2];
+    Root::Inside(x.map(|v| v / sum))
+}
