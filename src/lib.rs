@@ -4,6 +4,7 @@ pub mod engine;
 pub mod error;
 pub mod geometry;
 pub mod io;
+pub mod models;
 pub mod progress;
 pub mod surface;
 pub mod tools;
