@@ -5,6 +5,7 @@ pub mod error;
 pub mod geometry;
 pub mod io;
 pub mod progress;
+pub mod raster;
 pub mod surface;
 pub mod tools;
 
