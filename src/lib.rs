@@ -4,7 +4,9 @@ pub mod engine;
 pub mod error;
 pub mod geometry;
 pub mod io;
+pub mod models;
 pub mod progress;
+pub mod raster;
 pub mod surface;
 pub mod tools;
 

@@ -1,0 +1,197 @@
+//! Pictures in memory: what textures, masks and results are before and after a file format.
+
+use crate::error::{Error, Result};
+
+/// Samples of a picture in the depth they came in.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Pixels {
+    /// 8 bits per sample, 0..=255 meaning 0..1.
+    U8(Vec<u8>),
+    /// 16 bits per sample, 0..=65535 meaning 0..1.
+    U16(Vec<u16>),
+    /// Floats as they are.
+    F32(Vec<f32>),
+}
+
+/// Depth of the samples of an [`Image`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Depth {
+    /// 8 bits, unsigned.
+    U8,
+    /// 16 bits, unsigned.
+    U16,
+    /// 32-bit float.
+    F32,
+}
+
+impl Depth {
+    /// Bytes of one sample.
+    pub fn bytes(self) -> usize {
+        match self {
+            Self::U8 => 1,
+            Self::U16 => 2,
+            Self::F32 => 4,
+        }
+    }
+}
+
+impl Pixels {
+    /// `count` zeros.
+    pub fn zeros(depth: Depth, count: usize) -> Self {
+        match depth {
+            Depth::U8 => Self::U8(vec![0; count]),
+            Depth::U16 => Self::U16(vec![0; count]),
+            Depth::F32 => Self::F32(vec![0.0; count]),
+        }
+    }
+
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::U8(v) => v.len(),
+            Self::U16(v) => v.len(),
+            Self::F32(v) => v.len(),
+        }
+    }
+
+    /// Whether there are no samples.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Depth of the samples.
+    pub fn depth(&self) -> Depth {
+        match self {
+            Self::U8(_) => Depth::U8,
+            Self::U16(_) => Depth::U16,
+            Self::F32(_) => Depth::F32,
+        }
+    }
+}
+
+/// A picture: rows from top to bottom, samples of a pixel next to one another.
+///
+/// Channels: 1 grey, 2 grey and alpha, 3 RGB, 4 RGBA; alpha is straight (not premultiplied). The centre of pixel (x, y) is at
+/// (x + 1/2, y + 1/2); a texture coordinate (u, v) is the point (u width, (1 - v) height).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Image {
+    /// Pixels per row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Samples per pixel, 1 to 4.
+    pub channels: u32,
+    /// `width * height * channels` samples.
+    pub pixels: Pixels,
+}
+
+impl Image {
+    /// A picture of the given samples.
+    ///
+    /// # Errors
+    /// If there are not 1 to 4 channels, a side is 0, or the number of samples is not `width * height * channels`.
+    pub fn new(width: u32, height: u32, channels: u32, pixels: Pixels) -> Result<Self> {
+        let image = Self { width, height, channels, pixels };
+        image.check("image")?;
+        Ok(image)
+    }
+
+    /// A picture of zeros.
+    ///
+    /// # Errors
+    /// If there are not 1 to 4 channels, a side is 0, or the size cannot be addressed.
+    pub fn zeros(width: u32, height: u32, channels: u32, depth: Depth) -> Result<Self> {
+        let count = Self { width, height, channels, pixels: Pixels::U8(Vec::new()) }.sample_count("image")?;
+        Ok(Self { width, height, channels, pixels: Pixels::zeros(depth, count) })
+    }
+
+    /// Depth of the samples.
+    pub fn depth(&self) -> Depth {
+        self.pixels.depth()
+    }
+
+    /// Whether the last channel is alpha (2 or 4 channels).
+    pub fn has_alpha(&self) -> bool {
+        self.channels == 2 || self.channels == 4
+    }
+
+    /// Sample as a float: integers are scaled to 0..1, floats are returned as they are.
+    ///
+    /// # Panics
+    /// If `index` is not below the number of samples.
+    pub fn sample(&self, index: usize) -> f32 {
+        match &self.pixels {
+            Pixels::U8(v) => f32::from(v[index]) / 255.0,
+            Pixels::U16(v) => f32::from(v[index]) / 65535.0,
+            Pixels::F32(v) => v[index],
+        }
+    }
+
+    /// Checks what [`Image::new`] promises, for pictures whose fields were filled in directly; `name` goes into the message.
+    ///
+    /// # Errors
+    /// As [`Image::new`].
+    pub fn check(&self, name: &str) -> Result<()> {
+        let expected = self.sample_count(name)?;
+        if self.pixels.len() != expected {
+            return Err(Error::input(
+                format!(
+                    "{name}: {} samples for {} x {} pixels of {} channels",
+                    self.pixels.len(),
+                    self.width,
+                    self.height,
+                    self.channels
+                ),
+                format!("Give {expected} samples"),
+            ));
+        }
+        Ok(())
+    }
+
+    fn sample_count(&self, name: &str) -> Result<usize> {
+        if self.width == 0 || self.height == 0 {
+            return Err(Error::input(
+                format!("{name}: {} x {} pixels", self.width, self.height),
+                "Give a picture of at least one pixel",
+            ));
+        }
+        if !(1..=4).contains(&self.channels) {
+            return Err(Error::input(
+                format!("{name}: {} channels", self.channels),
+                "Give 1 (grey), 2 (grey, alpha), 3 (RGB) or 4 (RGBA)",
+            ));
+        }
+        (self.width as usize)
+            .checked_mul(self.height as usize)
+            .and_then(|n| n.checked_mul(self.channels as usize))
+            .filter(|&n| n <= isize::MAX as usize / 4)
+            .ok_or_else(|| {
+                Error::input(
+                    format!("{name}: {} x {} pixels cannot be addressed", self.width, self.height),
+                    "Use a smaller picture",
+                )
+            })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_are_checked() {
+        assert!(Image::new(2, 3, 4, Pixels::U8(vec![0; 24])).is_ok());
+        assert!(Image::new(2, 3, 4, Pixels::U8(vec![0; 23])).is_err());
+        assert!(Image::new(0, 3, 4, Pixels::U8(vec![])).is_err());
+        assert!(Image::new(2, 3, 5, Pixels::U8(vec![0; 30])).is_err());
+        assert!(Image::zeros(u32::MAX, u32::MAX, 4, Depth::F32).is_err());
+    }
+
+    #[test]
+    fn samples_are_scaled_to_one() {
+        let one = |p| Image::new(1, 1, 1, p).expect("one sample").sample(0);
+        assert_eq!(one(Pixels::U8(vec![255])), 1.0);
+        assert_eq!(one(Pixels::U16(vec![65535])), 1.0);
+        assert_eq!(one(Pixels::F32(vec![3.5])), 3.5);
+    }
+}
