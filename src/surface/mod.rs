@@ -1,6 +1,7 @@
 //! Weighted averages on surfaces (Panozzo et al. 2013).
 
 pub mod gauge;
+pub mod average;
 mod packed;
 pub mod phong_surface;
 pub mod project;
