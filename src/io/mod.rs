@@ -4,10 +4,14 @@
 //! line and the remedy. No header makes them allocate more than the file can fill. Writers go through [`output`], so that a file appears whole
 //! or not at all.
 
+mod assemble;
 mod material_library;
 pub mod obj;
 pub mod obj_write;
+pub mod off;
 pub mod output;
+pub mod ply;
+mod ply_header;
 mod source;
 
 use crate::geometry::Mesh;
