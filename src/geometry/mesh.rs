@@ -17,14 +17,23 @@ pub struct Corner {
 }
 
 /// A material by name, with the texture it refers to.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Material {
     /// Name in the file.
     pub name: String,
     /// The base colour texture, as a path that can be opened (already joined with the material file's folder).
     pub base_color_texture: Option<std::path::PathBuf>,
+    /// The base colour texture as the bytes of an image file, where the mesh file holds it itself (GLB).
+    pub embedded_texture: Option<std::sync::Arc<[u8]>>,
     /// Base colour factor, RGBA, linear as stored.
     pub base_color: [f32; 4],
+}
+
+impl Default for Material {
+    /// White, opaque, without a name or texture.
+    fn default() -> Self {
+        Self { name: String::new(), base_color_texture: None, embedded_texture: None, base_color: [1.0; 4] }
+    }
 }
 
 /// A polygon mesh with texture coordinates, groups and materials in file order, and its triangles.
@@ -213,6 +222,11 @@ impl MeshBuilder {
             m.triangles.push([first, k - 1, k]);
             m.triangle_polygon.push(polygon);
         }
+    }
+
+    /// All corners so far, for readers that can check an index only at the end of the file.
+    pub fn corners_mut(&mut self) -> &mut [Corner] {
+        &mut self.mesh.corners
     }
 
     /// The finished mesh.

@@ -1,0 +1,219 @@
+//! Outputs that appear whole or not at all.
+//!
+//! A file is written beside its final place under a temporary name and then renamed, so that a reader never sees half of it and a
+//! failure leaves what was there before. The temporary names are kept in a registry, which lets an interrupt handler remove them.
+
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use crate::{Error, Result};
+
+/// Temporary files being written, and whether an interrupt has ended all writing.
+struct Registry {
+    live: Vec<PathBuf>,
+    closed: bool,
+}
+
+static REGISTRY: Mutex<Registry> = Mutex::new(Registry { live: Vec::new(), closed: false });
+
+fn registry() -> MutexGuard<'static, Registry> {
+    // The list stays correct whatever a panicking thread was doing: every change to it is a single push or retain.
+    REGISTRY.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+const REMEDY: &str = "Check the folder, its permissions and the free space, or name another output";
+
+/// Writes `path` through `write`, whole or not at all.
+///
+/// The content goes to a temporary file in the same folder, which is renamed over `path` at the end; on any error it is removed and what was
+/// at `path` stays. A symbolic link is followed. Devices and pipes (`/dev/stdout`) are written directly.
+///
+/// # Errors
+/// [`Error::Io`] if the folder is missing or cannot be written, and whatever `write` returns.
+pub fn write_atomically<T>(
+    path: impl AsRef<Path>,
+    write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<T>,
+) -> Result<T> {
+    let path = path.as_ref();
+    let target = final_place(path)?;
+    if fs::metadata(&target).is_ok_and(|m| !m.is_file()) {
+        let mut file = fs::OpenOptions::new().write(true).open(&target).map_err(|e| Error::io(path, e, REMEDY))?;
+        return fill(path, &mut file, write);
+    }
+    let temporary = Temporary::beside(path, &target)?;
+    let mut file =
+        File::options().write(true).create_new(true).open(&temporary.path).map_err(|e| Error::io(path, e, REMEDY))?;
+    let value = fill(path, &mut file, write)?;
+    drop(file);
+    temporary.rename_to(path, &target)?;
+    Ok(value)
+}
+
+fn fill<T>(path: &Path, file: &mut File, write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<T>) -> Result<T> {
+    let mut writer = BufWriter::with_capacity(1 << 16, file);
+    let value = write(&mut writer)?;
+    writer.flush().map_err(|e| Error::io(path, e, REMEDY))?;
+    Ok(value)
+}
+
+/// [`write_atomically`] for content that is already in memory.
+pub fn write_bytes(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
+    let path = path.as_ref();
+    write_atomically(path, |w| w.write_all(bytes).map_err(|e| Error::io(path, e, REMEDY)))
+}
+
+/// Turns an error of a writer inside [`write_atomically`] into one that names the output.
+pub(crate) fn failed(path: &Path) -> impl Fn(io::Error) -> Error + '_ {
+    move |e| Error::io(path, e, REMEDY)
+}
+
+/// Fails unless `path` can be written, so that long work does not end at a missing folder. Leaves nothing behind.
+pub fn check_writable(path: impl AsRef<Path>) -> Result<()> {
+    let path = path.as_ref();
+    let target = final_place(path)?;
+    if fs::metadata(&target).is_ok_and(|m| !m.is_file()) {
+        return fs::OpenOptions::new().write(true).open(&target).map(drop).map_err(|e| Error::io(path, e, REMEDY));
+    }
+    let temporary = Temporary::beside(path, &target)?;
+    File::options().write(true).create_new(true).open(&temporary.path).map(drop).map_err(|e| Error::io(path, e, REMEDY))
+}
+
+/// Removes the temporary files of all outputs being written and lets no new one begin: for an interrupt handler that then ends the process.
+pub fn remove_all_temporary() {
+    let mut registry = registry();
+    registry.closed = true;
+    for path in registry.live.drain(..) {
+        // Nothing can be done about a file that does not go away while the process ends.
+        let _ = fs::remove_file(path);
+    }
+}
+
+/// Where the bytes go: `path` itself or what it links to. Folders are refused.
+fn final_place(path: &Path) -> Result<PathBuf> {
+    let other = |kind, what: &str| Err(Error::io(path, io::Error::new(kind, what.to_owned()), REMEDY));
+    if path.file_name().is_none() {
+        return other(io::ErrorKind::InvalidInput, "this is not the name of a file");
+    }
+    if path.is_dir() {
+        return other(io::ErrorKind::IsADirectory, "this is a folder, a file is to be written");
+    }
+    let target = if path.is_symlink() { fs::canonicalize(path).unwrap_or_else(|_| path.into()) } else { path.into() };
+    let folder = folder_of(&target);
+    if !folder.is_dir() {
+        return other(io::ErrorKind::NotFound, &format!("the folder {} does not exist", folder.display()));
+    }
+    Ok(target)
+}
+
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// A registered temporary path; the file is removed when dropped.
+struct Temporary {
+    path: PathBuf,
+}
+
+impl Temporary {
+    fn beside(path: &Path, target: &Path) -> Result<Self> {
+        let stem = target.file_name().unwrap_or_default().to_string_lossy();
+        let stem: String = stem.chars().take(40).collect();
+        let folder = folder_of(target);
+        let mut registry = registry();
+        if registry.closed {
+            return Err(Error::io(path, io::ErrorKind::Interrupted.into(), "Run the command again"));
+        }
+        // Unique in this process by the counter and among processes by the id; a leftover of a killed process with the same id is skipped.
+        let candidate = (0u32..)
+            .map(|n| folder.join(format!(".{stem}.{}-{n}.partial", std::process::id())))
+            .find(|p| !registry.live.contains(p) && !p.exists());
+        let candidate = candidate.unwrap_or_else(|| folder.join(".barymap.partial"));
+        registry.live.push(candidate.clone());
+        Ok(Self { path: candidate })
+    }
+
+    fn rename_to(self, path: &Path, target: &Path) -> Result<()> {
+        // Under the lock, so that an interrupt finds the file either still temporary or finished.
+        let mut registry = registry();
+        if registry.closed {
+            return Err(Error::io(path, io::ErrorKind::Interrupted.into(), "Run the command again"));
+        }
+        fs::rename(&self.path, target).map_err(|e| Error::io(path, e, REMEDY))?;
+        registry.live.retain(|p| *p != self.path);
+        Ok(())
+    }
+}
+
+impl Drop for Temporary {
+    fn drop(&mut self) {
+        let mut registry = registry();
+        if registry.live.contains(&self.path) {
+            let _ = fs::remove_file(&self.path);
+            registry.live.retain(|p| *p != self.path);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entries(dir: &Path) -> usize {
+        fs::read_dir(dir).unwrap().count()
+    }
+
+    #[test]
+    fn an_error_keeps_the_old_file_and_leaves_nothing() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("out.txt");
+        write_bytes(&path, b"old").unwrap();
+        let failed: Result<()> = write_atomically(&path, |w| {
+            w.write_all(b"half of the new").unwrap();
+            Err(Error::input("no", "Stop"))
+        });
+        assert!(failed.is_err());
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+        assert_eq!(entries(dir.path()), 1);
+        write_bytes(&path, b"new").unwrap();
+        assert_eq!((fs::read(&path).unwrap().as_slice(), entries(dir.path())), (&b"new"[..], 1));
+    }
+
+    #[test]
+    fn nothing_is_seen_before_the_end() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("out.txt");
+        write_atomically(&path, |w| {
+            w.write_all(&[1; 100_000]).unwrap();
+            assert!(!path.exists());
+            assert!(registry().live.iter().any(|p| p.parent() == Some(dir.path())));
+            Ok(())
+        })
+        .unwrap();
+        assert_eq!(fs::read(&path).unwrap().len(), 100_000);
+        assert!(!registry().live.iter().any(|p| p.parent() == Some(dir.path())));
+    }
+
+    #[test]
+    fn unwritable_places_are_known_beforehand() {
+        let dir = tempfile::tempdir().unwrap();
+        for bad in [dir.path().to_path_buf(), dir.path().join("missing/out.png"), PathBuf::from("/")] {
+            let message = check_writable(&bad).unwrap_err().to_string();
+            assert!(message.contains("folder") || message.contains("not the name"), "{message}");
+        }
+        check_writable(dir.path().join("fine.png")).unwrap();
+        assert_eq!(entries(dir.path()), 0);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_are_followed() {
+        let dir = tempfile::tempdir().unwrap();
+        write_bytes(dir.path().join("real"), b"1").unwrap();
+        std::os::unix::fs::symlink(dir.path().join("real"), dir.path().join("link")).unwrap();
+        write_bytes(dir.path().join("link"), b"2").unwrap();
+        assert_eq!(fs::read(dir.path().join("real")).unwrap(), b"2");
+        assert!(dir.path().join("link").is_symlink());
+    }
+}
