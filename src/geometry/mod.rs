@@ -1,5 +1,6 @@
 //! Shapes in double precision: no graphics device and no paper is known here.
 
+pub mod closest;
 pub mod mesh;
 pub mod surface_point;
 pub mod topology;

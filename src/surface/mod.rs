@@ -1,13 +1,22 @@
 //! Weighted averages on surfaces (Panozzo et al. 2013).
 
-pub mod gauge;
+pub mod anchors;
 pub mod average;
+pub mod correspondence;
+pub mod embedding;
+pub mod gauge;
+mod nearest_vertex;
 mod packed;
 pub mod phong_surface;
 pub mod project;
 pub mod psi;
+pub mod quality;
 pub mod tangents;
+#[cfg(test)]
+mod theory;
 pub mod vector;
 
+pub use anchors::AnchorPairs;
+pub use nearest_vertex::NearestVertex;
 pub use packed::{PackedImage, PackedPoint, PointMap, Status};
 pub use phong_surface::PhongSurface;

@@ -1,0 +1,215 @@
+//! What the averages are measured against: closest point after alignment, and spatial radial basis functions.
+
+use glam::DVec3;
+use nalgebra::{DMatrix, Matrix3};
+use rayon::prelude::*;
+
+use crate::error::{Error, Result};
+use crate::geometry::Mesh;
+use crate::geometry::closest::ClosestPoints;
+use crate::surface::anchors::AnchorPairs;
+use crate::surface::packed::{PackedImage, PackedPoint, PointMap, Status};
+
+use super::{Method, Shape};
+
+/// A smooth map of space followed by the closest point of the source. Every point is claimed valid: nothing in these methods
+/// tells right from wrong.
+#[derive(Debug)]
+pub struct Baseline {
+    target: Mesh,
+    closest: ClosestPoints,
+    warp: Warp,
+}
+
+/// The map of space.
+#[derive(Debug)]
+enum Warp {
+    Similarity { rotation: Matrix3<f64>, scale: f64, from: DVec3, to: DVec3 },
+    Radial { centres: Vec<DVec3>, coefficients: Vec<DVec3>, affine: [DVec3; 4], origin: DVec3, unit: f64 },
+}
+
+impl Baseline {
+    /// Fits the map to the anchors: [`Method::Rbf`] interpolates them, [`Method::Closest`] aligns them by a similarity.
+    ///
+    /// # Errors
+    /// If no triangle of the source is usable or the system of the radial basis functions breaks down.
+    pub fn new(source: Shape<'_>, target: Shape<'_>, anchors: &AnchorPairs, method: Method) -> Result<Self> {
+        let from: Vec<DVec3> = anchors.target.iter().map(|p| p.position(target.mesh)).collect();
+        let to: Vec<DVec3> = anchors.source.iter().map(|p| p.position(source.mesh)).collect();
+        let warp = match method {
+            Method::Rbf => radial(&from, &to)?,
+            _ => similarity(&from, &to),
+        };
+        Ok(Self { target: target.mesh.clone(), closest: ClosestPoints::new(source.mesh, source.topology), warp })
+    }
+
+    fn map_point(&self, p: PackedPoint) -> PackedImage {
+        let x = self.warp.apply(p.unpack().position(&self.target));
+        match self.closest.nearest(x) {
+            Some((q, _)) => {
+                let packed = PackedPoint::from(q);
+                PackedImage {
+                    face: packed.face,
+                    b0: packed.b0,
+                    b1: packed.b1,
+                    confidence: 1.0,
+                    status: Status::Valid as u32,
+                }
+            }
+            None => PackedImage::NOWHERE,
+        }
+    }
+}
+
+impl PointMap for Baseline {
+    fn map(&self, points: &[PackedPoint], images: &mut Vec<PackedImage>) -> Result<()> {
+        let count = self.target.triangle_count();
+        if let Some(i) = points.iter().position(|p| p.face as usize >= count) {
+            return Err(Error::input(
+                format!("point {i} lies on face {}, the target has {count}", points[i].face),
+                "Faces are counted from 0 after fan triangulation",
+            ));
+        }
+        images.clear();
+        points.par_iter().map(|&p| self.map_point(p)).collect_into_vec(images);
+        Ok(())
+    }
+}
+
+impl Warp {
+    fn apply(&self, x: DVec3) -> DVec3 {
+        match self {
+            Self::Similarity { rotation, scale, from, to } => {
+                let d = x - *from;
+                let r = rotation * nalgebra::Vector3::new(d.x, d.y, d.z);
+                *to + DVec3::new(r.x, r.y, r.z) * *scale
+            }
+            Self::Radial { centres, coefficients, affine, origin, unit } => {
+                let x = (x - *origin) / *unit;
+                let linear = affine[0] + affine[1] * x.x + affine[2] * x.y + affine[3] * x.z;
+                centres.iter().zip(coefficients).fold(linear, |sum, (c, k)| sum + *k * x.distance(*c))
+            }
+        }
+    }
+}
+
+fn mean(x: &[DVec3]) -> DVec3 {
+    x.iter().sum::<DVec3>() / x.len() as f64
+}
+
+fn spread(x: &[DVec3], m: DVec3) -> f64 {
+    (x.iter().map(|p| p.distance_squared(m)).sum::<f64>() / x.len() as f64).sqrt()
+}
+
+/// The similarity that fits the anchors best in the least squares sense, a reflection where that fits better (mirrored pairs); the identity's
+/// linear part where fewer than three anchors leave it open.
+fn similarity(from: &[DVec3], to: &[DVec3]) -> Warp {
+    let (a, b) = (mean(from), mean(to));
+    if from.len() < 3 {
+        return Warp::Similarity { rotation: Matrix3::identity(), scale: 1.0, from: a, to: b };
+    }
+    let mut covariance = Matrix3::zeros();
+    for (p, q) in from.iter().zip(to) {
+        let (p, q) = ((*p - a).to_array(), (*q - b).to_array());
+        covariance += Matrix3::from_fn(|r, c| q[r] * p[c]);
+    }
+    let svd = covariance.svd(true, true);
+    let rotation = match (svd.u, svd.v_t) {
+        (Some(u), Some(vt)) => u * vt,
+        _ => Matrix3::identity(),
+    };
+    let (sa, sb) = (spread(from, a), spread(to, b));
+    Warp::Similarity { rotation, scale: if sa > 0.0 { sb / sa } else { 1.0 }, from: a, to: b }
+}
+
+/// Linear kernel `|x - t_i|` with an affine part, interpolating. Coincident anchors are merged to their mean; where the anchors do not span space, the
+/// affine part is the one of least norm (pseudo-inverse).
+fn radial(from: &[DVec3], to: &[DVec3]) -> Result<Warp> {
+    let origin = mean(from);
+    let extent = spread(from, origin);
+    let unit = if extent > 0.0 { extent } else { 1.0 };
+    let mut merged: Vec<(DVec3, DVec3, f64)> = Vec::new();
+    for (&p, &q) in from.iter().zip(to) {
+        match merged.iter_mut().find(|(m, ..)| *m == p) {
+            Some((_, sum, n)) => {
+                *sum += q;
+                *n += 1.0;
+            }
+            None => merged.push((p, q, 1.0)),
+        }
+    }
+    let centres: Vec<DVec3> = merged.iter().map(|(p, ..)| (*p - origin) / unit).collect();
+    let n = centres.len();
+    let row = |x: DVec3| [1.0, x.x, x.y, x.z];
+    let system = DMatrix::from_fn(n + 4, n + 4, |r, c| match (r < n, c < n) {
+        (true, true) => centres[r].distance(centres[c]),
+        (true, false) => row(centres[r])[c - n],
+        (false, true) => row(centres[c])[r - n],
+        (false, false) => 0.0,
+    });
+    let values = DMatrix::from_fn(n + 4, 3, |r, c| if r < n { merged[r].1[c] / merged[r].2 } else { 0.0 });
+    // The pseudo-inverse serves flat and short anchor sets; up to a thousand anchors a decomposition takes seconds.
+    let exact = system.clone().full_piv_lu();
+    let solution = match exact.is_invertible().then(|| exact.solve(&values)).flatten() {
+        Some(s) if s.iter().all(|x| x.is_finite()) => s,
+        _ => system.svd(true, true).solve(&values, 1e-12 * n as f64).map_err(|e| {
+            Error::numeric(format!("the radial basis functions cannot be fitted: {e}"), "Move coincident anchors apart")
+        })?,
+    };
+    let at = |r: usize| DVec3::new(solution[(r, 0)], solution[(r, 1)], solution[(r, 2)]);
+    Ok(Warp::Radial {
+        coefficients: (0..n).map(at).collect(),
+        affine: [at(n), at(n + 1), at(n + 2), at(n + 3)],
+        centres,
+        origin,
+        unit,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn anchors() -> (Vec<DVec3>, Vec<DVec3>) {
+        let from: Vec<DVec3> =
+            (0..12).map(|i| DVec3::new(f64::from(i * 7 % 5), f64::from(i * 3 % 7), f64::from(i * i % 4))).collect();
+        let to = from.iter().map(|p| DVec3::new(2.0 - p.y, 1.0 + p.x, 0.5 * p.z * p.z)).collect();
+        (from, to)
+    }
+
+    #[test]
+    fn radial_interpolates() {
+        let (from, to) = anchors();
+        let warp = radial(&from, &to).unwrap();
+        for (p, q) in from.iter().zip(&to) {
+            assert!(warp.apply(*p).distance(*q) < 1e-9, "{p} to {q}");
+        }
+        assert!(warp.apply(from[0]).distance(to[1]) > 1e-3, "the comparison can fail");
+    }
+
+    #[test]
+    fn affine_maps_are_reproduced() {
+        let (from, _) = anchors();
+        let f = |p: DVec3| DVec3::new(1.0 + p.x - p.z, 2.0 * p.y, p.x + p.y + p.z);
+        let warp = radial(&from, &from.iter().map(|p| f(*p)).collect::<Vec<_>>()).unwrap();
+        let x = DVec3::new(0.3, -4.0, 9.0);
+        assert!(warp.apply(x).distance(f(x)) < 1e-9);
+    }
+
+    #[test]
+    fn flat_and_doubled_anchors_are_finite() {
+        let from = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::X, DVec3::new(1.0, 1.0, 0.0)];
+        let warp = radial(&from, &from).unwrap();
+        assert!(warp.apply(DVec3::new(0.5, 0.5, 0.0)).distance(DVec3::new(0.5, 0.5, 0.0)) < 1e-9);
+        let one = radial(&from[..1], &[DVec3::Y]).unwrap();
+        assert!(one.apply(DVec3::X).is_finite());
+    }
+
+    #[test]
+    fn similarity_recovers_mirror_and_scale() {
+        let (from, _) = anchors();
+        let to: Vec<DVec3> = from.iter().map(|p| DVec3::new(-3.0 * p.x + 1.0, 3.0 * p.y, 3.0 * p.z)).collect();
+        let warp = similarity(&from, &to);
+        assert!(from.iter().zip(&to).all(|(p, q)| warp.apply(*p).distance(*q) < 1e-9));
+    }
+}

@@ -1,0 +1,141 @@
+//! Dense correspondence between two surfaces from pairs of anchors (paper, section 4.3), and the baselines it is measured against.
+
+mod baseline;
+mod confidence;
+mod procrustes;
+mod weighted;
+
+pub use baseline::Baseline;
+pub use confidence::{Evidence, Trust};
+pub use weighted::{Scratch, WeightedAverages};
+
+use crate::engine::Real;
+use crate::error::{Error, Result};
+use crate::geometry::{Mesh, Topology};
+
+use super::anchors::AnchorPairs;
+use super::embedding::Embedding;
+use super::packed::PointMap;
+
+/// How points of the target are carried to the source.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Method {
+    /// Weighted averages as published: inverse problem on the target, forward problem on the source.
+    Averages,
+    /// Weighted averages with the residual of the inverse problem carried over; the identity for equal surfaces.
+    #[default]
+    Transport,
+    /// Spatial radial basis functions through the anchors, then the closest point.
+    Rbf,
+    /// Similarity alignment by the anchors, then the closest point.
+    Closest,
+}
+
+impl Method {
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Averages => "averages",
+            Self::Transport => "transport",
+            Self::Rbf => "rbf",
+            Self::Closest => "closest",
+        }
+    }
+
+    /// Whether the method needs embeddings.
+    pub fn needs_embedding(self) -> bool {
+        matches!(self, Self::Averages | Self::Transport)
+    }
+}
+
+/// A mesh with what the methods need of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Shape<'a> {
+    /// The mesh.
+    pub mesh: &'a Mesh,
+    /// Its adjacency.
+    pub topology: &'a Topology,
+    /// Its embedding; `None` for the spatial baselines.
+    pub embedding: Option<&'a Embedding>,
+}
+
+/// The precision of the CPU back ends.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Precision {
+    /// `f32` with SIMD sweeps: the `cpu` back end.
+    #[default]
+    Single,
+    /// `f64`: the `reference` back end.
+    Double,
+}
+
+/// Options of [`correspondence`].
+#[derive(Clone, Copy, Debug)]
+pub struct CorrespondenceOptions {
+    /// Default [`Method::Transport`].
+    pub method: Method,
+    /// Default single.
+    pub precision: Precision,
+    /// Whether each point gets a confidence and a status by the checks of section 4.4; without them every point that was found is valid. Default true.
+    pub confidence: bool,
+}
+
+impl Default for CorrespondenceOptions {
+    fn default() -> Self {
+        Self { method: Method::default(), precision: Precision::default(), confidence: true }
+    }
+}
+
+/// The map from the target to the source on the CPU.
+///
+/// # Errors
+/// If the anchors do not fit ([`AnchorPairs::check`]), or the embeddings are missing or differ in dimension.
+pub fn correspondence(
+    source: Shape<'_>,
+    target: Shape<'_>,
+    anchors: &AnchorPairs,
+    options: &CorrespondenceOptions,
+) -> Result<Box<dyn PointMap + Send>> {
+    anchors.check((source.mesh, source.topology), (target.mesh, target.topology))?;
+    if !options.method.needs_embedding() {
+        return Ok(Box::new(Baseline::new(source, target, anchors, options.method)?));
+    }
+    match options.precision {
+        Precision::Single => weighted::<f32>(source, target, anchors, options),
+        Precision::Double => weighted::<f64>(source, target, anchors, options),
+    }
+}
+
+fn weighted<S: Real>(
+    source: Shape<'_>,
+    target: Shape<'_>,
+    anchors: &AnchorPairs,
+    options: &CorrespondenceOptions,
+) -> Result<Box<dyn PointMap + Send>> {
+    let dimension = dimension(&source, &target)?;
+    Ok(match dimension {
+        4 => Box::new(WeightedAverages::<S, 4>::new(source, target, anchors, options)?),
+        8 => Box::new(WeightedAverages::<S, 8>::new(source, target, anchors, options)?),
+        12 => Box::new(WeightedAverages::<S, 12>::new(source, target, anchors, options)?),
+        16 => Box::new(WeightedAverages::<S, 16>::new(source, target, anchors, options)?),
+        d => {
+            return Err(Error::option(
+                "dimension",
+                format!("{d} is not 4, 8, 12 or 16"),
+                "Embed with one of these dimensions",
+            ));
+        }
+    })
+}
+
+/// The common dimension of two embedded shapes.
+pub(crate) fn dimension(source: &Shape<'_>, target: &Shape<'_>) -> Result<usize> {
+    match (source.embedding, target.embedding) {
+        (Some(a), Some(b)) if a.dimension == b.dimension => Ok(a.dimension),
+        (Some(a), Some(b)) => Err(Error::input(
+            format!("the source is embedded in {} dimensions, the target in {}", a.dimension, b.dimension),
+            "Embed both with the same --dimension",
+        )),
+        _ => Err(Error::input("an embedding is missing", "Compute the embeddings of both meshes first")),
+    }
+}
