@@ -195,9 +195,17 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
         if t == NONE {
             return nowhere;
         }
-        self.walk_triangles(mean, t, limits.triangle_steps)
-            .or_else(|| self.search(mean, v, limits.triangles))
-            .unwrap_or_else(|| self.guess(mean, v))
+        let d = distance_squared(&self.vertices[v as usize].y, mean);
+        let walked = self.walk_triangles(mean, t, limits.triangle_steps);
+        // A projection farther away than a vertex cannot be the closest one: the walk went astray.
+        if let Some(p) = walked.filter(|p| p.distance_squared <= d) {
+            return p;
+        }
+        let searched = self.search(mean, v, limits.triangles);
+        match (walked, searched) {
+            (Some(a), Some(b)) => if b.distance_squared < a.distance_squared { b } else { a },
+            (a, b) => a.or(b).unwrap_or_else(|| self.guess(mean, v)),
+        }
     }
 
     /// The vertex `v` itself, as a point of its lowest triangle: the best guess where no projection was found.
