@@ -1,10 +1,18 @@
 //! Shapes in double precision: no graphics device and no paper is known here.
 
 pub mod closest;
+pub mod geodesics;
+pub mod laplacian;
 pub mod mesh;
+pub mod sampling;
+pub mod simplify;
 pub mod surface_point;
 pub mod topology;
 
+pub use closest::ClosestPoints;
+pub use geodesics::{Geodesics, March};
+pub use laplacian::{Laplacian, SparseRows};
 pub use mesh::{Corner, Material, Mesh, MeshBuilder, NONE};
+pub use simplify::{Simplified, SimplifyOptions, simplify};
 pub use surface_point::SurfacePoint;
 pub use topology::Topology;

@@ -1,0 +1,77 @@
+//! Choosing landmarks and measuring the geodesic distances between them.
+
+use std::collections::HashMap;
+use std::time::Instant;
+
+use super::parts::Part;
+use super::{EmbeddingOptions, Sampling, Seconds};
+use crate::geometry::sampling::farthest_points;
+use crate::geometry::{Geodesics, SimplifyOptions, simplify};
+use crate::progress::Progress;
+
+/// Distances closer to zero than this part of the largest are raised to it: their weights would drown all others.
+const LEAST_DISTANCE: f64 = 1e-6;
+/// Edges of the mid-level mesh are no longer than this many times the spacing of its vertices.
+const MID_EDGE: f64 = 3.0;
+
+/// Landmarks of a part, in its own numbering, with the symmetric matrix of their distances.
+pub(crate) struct Landmarks {
+    pub(crate) vertices: Vec<u32>,
+    pub(crate) distances: Vec<f64>,
+}
+
+/// Chooses up to `count` landmarks. Distances are measured on a simplified mesh of `options.mid_level` vertices if the part has more.
+pub(crate) fn choose(
+    part: &Part,
+    count: usize,
+    options: &EmbeddingOptions,
+    seconds: &mut Seconds,
+    progress: &dyn Progress,
+) -> Landmarks {
+    let clock = Instant::now();
+    let n = part.vertices.len();
+    let mid = options.mid_level.max(4 * count);
+    let all: Vec<u32> = (0..n as u32).collect();
+    let (mut vertices, mut triangles) = (all, part.triangles.clone());
+    if n > mid + mid / 4 {
+        let longest_edge = MID_EDGE * (part.area / mid as f64).sqrt();
+        let simple = simplify(&part.positions, &triangles, &SimplifyOptions { vertices: mid, longest_edge });
+        (vertices, triangles) = (simple.vertices, simple.triangles);
+    }
+    seconds.simplification += clock.elapsed().as_secs_f64();
+    let clock = Instant::now();
+    let own: HashMap<u32, u32> = vertices.iter().enumerate().map(|(i, &v)| (v, i as u32)).collect();
+    let positions: Vec<_> = vertices.iter().map(|&v| part.positions[v as usize]).collect();
+    let local: Vec<[u32; 3]> = triangles.iter().map(|t| t.map(|v| own[&v])).collect();
+    let geodesics = Geodesics::new(&positions, &local);
+    let chosen: Vec<u32> = if count >= vertices.len() {
+        (0..vertices.len() as u32).collect()
+    } else {
+        match options.sampling {
+            Sampling::FarthestPoint => farthest_points(&geodesics, 0, count),
+            Sampling::Decimation => {
+                let unbounded = SimplifyOptions { vertices: count, longest_edge: f64::INFINITY };
+                let mut left = simplify(&positions, &local, &unbounded).vertices;
+                // Topology can forbid going as low as asked for.
+                if left.len() > count + count / 4 {
+                    left = farthest_points(&geodesics, 0, count);
+                }
+                left
+            }
+        }
+    };
+    seconds.sampling += clock.elapsed().as_secs_f64();
+    let clock = Instant::now();
+    progress.stage("geodesic distances", chosen.len() as u64);
+    let raw = geodesics.matrix(&chosen, || progress.advance(1));
+    let m = chosen.len();
+    let largest = raw.iter().copied().fold(0.0, f64::max);
+    let distances = (0..m * m)
+        .map(|k| {
+            let (i, j) = (k / m, k % m);
+            if i == j { 0.0 } else { (0.5 * (raw[k] + raw[j * m + i])).max(LEAST_DISTANCE * largest) }
+        })
+        .collect();
+    seconds.geodesics += clock.elapsed().as_secs_f64();
+    Landmarks { vertices: chosen.into_iter().map(|v| vertices[v as usize]).collect(), distances }
+}
