@@ -21,6 +21,7 @@
 
 mod fused;
 mod solve;
+mod sweep;
 #[cfg(test)]
 mod tests;
 mod weights;
@@ -29,6 +30,7 @@ use crate::engine::Real;
 use crate::error::{Error, Result};
 
 pub use fused::{Average, average_fused, fused_weights};
+pub use sweep::{SweepAnchors, average_tiles, point_of};
 pub use weights::{negative_sum, weights};
 
 /// How much more an offset across the tangent plane counts than one within it (section 3.4; the paper uses 10 for
