@@ -23,6 +23,8 @@ mod fused;
 mod solve;
 mod sweep;
 #[cfg(test)]
+mod sweep_tests;
+#[cfg(test)]
 mod tests;
 mod weights;
 
