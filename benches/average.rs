@@ -6,7 +6,12 @@
 use std::time::Instant;
 
 use barymap::engine::{LaneScalar, Lanes, Real, TILE};
-use barymap::surface::average::{AnchorTable, SweepAnchors, average_fused, average_tiles, orthonormalise, weights};
+use barymap::geometry::Topology;
+use barymap::models::shapes::lobed_sphere;
+use barymap::surface::average::{
+    AnchorTable, AveragedChunk, SweepAnchors, average_fused, average_tiles, frame_tiles, orthonormalise, weights,
+};
+use barymap::surface::{PackedPoint, PhongSurface};
 use rayon::prelude::*;
 
 const D: usize = 8;
@@ -76,7 +81,7 @@ fn lanes<E: LaneScalar>(
             .zip(sums.par_chunks_mut(TASK * TILE))
             .zip(input.par_chunks(TASK * 3 * D * TILE))
             .for_each(|((mean, sums), input)| {
-                let anchors = SweepAnchors { own: &table.own, images: &images[..sets] };
+                let anchors = SweepAnchors { own: &table.own, images: &images[..sets], transport: None };
                 average_tiles(lanes, anchors, input, mean, negative.then_some(sums));
             });
     })
@@ -109,6 +114,51 @@ fn scalar<E: Real>(start: Instant, anchors: usize, texels: usize, fused: bool) -
     })
 }
 
+/// A surface in R^8 of 20,480 triangles and points on it: runs of `run` neighbours on one face, as along the rows of an atlas.
+fn surface<E: Real>(texels: usize, run: usize) -> (PhongSurface<E, D>, Vec<PackedPoint>) {
+    let mesh = lobed_sphere(5, 0.3);
+    let lifted: Vec<f64> = mesh
+        .positions
+        .iter()
+        .flat_map(|p| {
+            [p.x, p.y, p.z, 0.4 * p.x * p.y, 0.4 * p.y * p.z, 0.3 * p.z * p.x, 0.3 * p.x * p.x, 0.2 * p.z * p.z]
+        })
+        .collect();
+    let surface = PhongSurface::<f64, D>::new(&Topology::new(&mesh), &lifted).expect("a sound mesh").cast::<E>();
+    let faces = surface.triangles.len();
+    let points = (0..texels)
+        .map(|i| PackedPoint {
+            face: ((i / run) * 7919 % faces) as u32,
+            b0: 0.1 + 0.3 * (i % run) as f32 / run as f32,
+            b1: 0.2 + 0.01 * (i % 13) as f32,
+        })
+        .collect();
+    (surface, points)
+}
+
+/// Preparation alone (no list of images), with the average of one, or of two and transport.
+fn from_points<E: LaneScalar>(start: Instant, anchors: usize, texels: usize, run: usize, lists: usize) -> f64 {
+    let (surface, points) = surface::<E>(texels, run);
+    let own: Vec<[E; D]> = (0..anchors).map(|i| surface.vertices[i * surface.vertices.len() / anchors].y).collect();
+    let images = [own.as_slice(), own.as_slice()];
+    let matrix = [[E::of(0.1); D]; D];
+    let lanes = Lanes::detect();
+    time(start, texels, 5, || {
+        points.par_chunks(TASK * TILE).for_each_init(
+            || (AveragedChunk::<E, D>::new(), Vec::new()),
+            |(chunk, input), points| {
+                if lists == 0 {
+                    frame_tiles(lanes, &surface, points, input);
+                } else {
+                    let transport = (lists > 1).then_some(&matrix);
+                    let anchors = SweepAnchors { own: &own, images: &images[..lists], transport };
+                    chunk.compute(lanes, &surface, anchors, points);
+                }
+            },
+        );
+    })
+}
+
 fn main() {
     let texels = std::env::args().skip(1).find_map(|a| a.parse().ok()).unwrap_or(1 << 17);
     let start = Instant::now();
@@ -130,5 +180,12 @@ fn main() {
         row("f64 lanes", lanes::<f64>(start, detected, anchors, texels, 1, false));
         row("f32 lanes", lanes::<f32>(start, detected, anchors, texels, 1, false));
         row("f32 lanes, two images, negative weights", lanes::<f32>(start, detected, anchors, texels, 2, true));
+    }
+    println!("from points of a surface, f32 lanes, n = 93");
+    for (name, run) in [("8 texels in a row on each face", 8), ("every texel on another face", 1)] {
+        println!("  {name}");
+        for (what, lists) in [("preparation alone", 0), ("with average", 1), ("with two averages and transport", 2)] {
+            println!("    {what:<42} {:8.1}", from_points::<f32>(start, 93, texels, run, lists));
+        }
     }
 }

@@ -16,6 +16,8 @@ pub struct SweepAnchors<'a, E, const D: usize> {
     pub own: &'a [[E; D]],
     /// What is averaged: one list per result, each as long as `own`.
     pub images: &'a [&'a [[E; D]]],
+    /// Rows of a matrix Q: Q y is added to the average of the first list.
+    pub transport: Option<&'a [[E; D]; D]>,
 }
 
 /// Averages whole tiles of query points on the calling thread; call it inside each rayon task.
@@ -71,7 +73,7 @@ struct AverageTiles<'a, E, const D: usize> {
 impl<E: LaneScalar, const D: usize> Sweep<E> for AverageTiles<'_, E, D> {
     #[inline(always)]
     fn run<L: Lane<E = E>>(mut self, cpu: L::Cpu) {
-        let SweepAnchors { own, images } = self.anchors;
+        let SweepAnchors { own, images, transport } = self.anchors;
         let scratch = &mut self.scratch[..3 * own.len() * L::N];
         let tiles = self.input.chunks_exact(3 * D * TILE).zip(self.mean.chunks_exact_mut(images.len() * D * TILE));
         for (t, (input, mean)) in tiles.enumerate() {
@@ -82,6 +84,9 @@ impl<E: LaneScalar, const D: usize> Sweep<E> for AverageTiles<'_, E, D> {
                 for (set, image) in images.iter().enumerate() {
                     let mut mean_of = [L::num(cpu, 0.0); D];
                     if set == 0 {
+                        if let Some(matrix) = transport {
+                            mean_of = multiply::<L, D>(cpu, matrix, input, at);
+                        }
                         sums = weigh::<L, D>(cpu, &multipliers, image, scratch, &mut mean_of);
                     } else {
                         gather::<L, D>(cpu, image, scratch, &mut mean_of);
@@ -227,7 +232,7 @@ struct Sums<L> {
     negative: L,
 }
 
-/// Third pass: the weights, kept in place of q, and the average of the first list.
+/// Third pass: the weights, kept in place of q, and the average of the first list added to `mean`.
 #[inline(always)]
 fn weigh<L: Lane, const D: usize>(
     cpu: L::Cpu,
@@ -250,6 +255,19 @@ fn weigh<L: Lane, const D: usize>(
         w.store(slot);
     }
     sums
+}
+
+/// Q y.
+#[inline(always)]
+fn multiply<L: Lane, const D: usize>(cpu: L::Cpu, matrix: &[[L::E; D]; D], input: &[L::E], at: usize) -> [L; D] {
+    let mut product = [L::num(cpu, 0.0); D];
+    for k in 0..D {
+        let y = L::load(cpu, &input[k * TILE + at..]);
+        for r in 0..D {
+            product[r] = y.mul_add(L::splat(cpu, matrix[r][k]), product[r]);
+        }
+    }
+    product
 }
 
 /// The average of a further list with the weights that [`weigh`] left.

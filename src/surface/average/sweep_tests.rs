@@ -29,7 +29,7 @@ fn sweep<E: LaneScalar, const D: usize>(
     let mut one = vec![E::ZERO; tiles * D * TILE];
     let mut negative = vec![E::ZERO; tiles * TILE];
     let images = [table.image.as_slice(), table.own.as_slice()];
-    let anchors = SweepAnchors { own: &table.own, images: &images };
+    let anchors = SweepAnchors { own: &table.own, images: &images, transport: None };
     average_tiles(lanes, anchors, &input, &mut both, Some(&mut negative));
     average_tiles(lanes, SweepAnchors { images: &images[..1], ..anchors }, &input, &mut one, None);
     assert!(both.iter().chain(&negative).all(|x| x.finite()), "padding and queries give finite numbers");
