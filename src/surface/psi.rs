@@ -47,6 +47,7 @@ impl<S: Real> Orthogonal2<S> {
     }
 
     /// The matrix.
+    #[inline(always)]
     pub fn matrix(self) -> Matrix2<S> {
         [self.c, -(self.f * self.s), self.s, self.f * self.c]
     }
@@ -272,6 +273,7 @@ impl<S: Real, const D: usize> TangentTriangle<'_, S, D> {
     }
 
     /// `Psi(x)`: two rows of R^D spanning the interpolated tangent plane, not orthonormal.
+    #[inline(always)]
     pub fn psi(&self, x: &[S; 3]) -> [Vector<S, D>; 2] {
         let c = coefficients(x);
         // The two bases of a corner share its tangents, so their matrices add up first.

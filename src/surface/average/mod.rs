@@ -15,12 +15,21 @@
 //! |---|---|
 //! | [`weights`] | the weights themselves, three short passes; `f64` is the truth |
 //! | [`average_fused`] | one pass, nothing stored per anchor: what the kernel `average_anchors` does |
+//! | [`average_tiles`] | three passes on SIMD lanes over tiles of points: the fast path of the CPU back end |
+//! | [`AveragedChunk`] | surface points in, averages out: [`frame_tiles`], then [`average_tiles`] |
 //!
 //! All lengths are in the units of the embedding. Nothing here depends on its scale, apart from the range of the
 //! number type: with `f32`, keep coordinates within 1e-3..1e3 and centred.
 
+mod chunk;
+#[cfg(test)]
+mod chunk_tests;
+mod frames;
 mod fused;
 mod solve;
+mod sweep;
+#[cfg(test)]
+mod sweep_tests;
 #[cfg(test)]
 mod tests;
 mod weights;
@@ -28,7 +37,10 @@ mod weights;
 use crate::engine::Real;
 use crate::error::{Error, Result};
 
+pub use chunk::AveragedChunk;
+pub use frames::frame_tiles;
 pub use fused::{Average, average_fused, fused_weights};
+pub use sweep::{SweepAnchors, average_tiles, point_of};
 pub use weights::{negative_sum, weights};
 
 /// How much more an offset across the tangent plane counts than one within it (section 3.4; the paper uses 10 for

@@ -110,9 +110,9 @@ pub(super) fn distance<const D: usize>(a: &[f64; D], b: &[f64; D]) -> f64 {
 }
 
 /// Largest condition of the 2x2 system met in these scenes; errors of the weights are this many times those of its entries.
-const CONDITION: f64 = 64.0;
+pub(super) const CONDITION: f64 = 32.0;
 /// Relative error of the system's entries in units of epsilon: a dot product of D <= 16 terms on each of three levels, sums over n <= 93.
-const TERMS: f64 = 16.0 * 3.0 + 93.0;
+pub(super) const TERMS: f64 = 16.0 * 3.0 + 93.0;
 
 /// Bound on |basis (y - sum w own)|, given the sum of |w| |own - y|.
 fn linear_tolerance<S: Real>(spread: f64) -> f64 {
