@@ -1,7 +1,47 @@
 //! Running kernels: adapters, buffers, dispatch, lanes. No paper is known here.
+//!
+//! [`Engine`] says where work is done: on a device ([`Gpu`]), on the CPU in single precision, or by the references in
+//! double precision. A [`Kernel`] is the description of one compute shader; its host half, beside the method it
+//! belongs to, binds typed [`Buffer`]s and dispatches it. Every entry point returns an error, never a panic, when a
+//! device is missing, lost, or too small.
 
 pub mod lane;
+mod adapter;
+mod buffer;
+mod canary;
+mod capability;
+mod compact;
+mod dispatch;
+mod gpu;
+mod kernel;
+mod options;
+pub mod readback;
 pub mod real;
+pub mod reduce;
+pub mod reflect;
+mod shader;
+mod start;
 
 pub use lane::{Lane, LaneScalar, Lanes, Sweep, TILE};
+pub use adapter::AdapterSummary;
+pub use buffer::{BindGroup, Binding, Buffer, PingPong, UniformBlocks};
+pub use capability::Capabilities;
+pub use compact::{Compaction, Matching};
+pub use dispatch::{Batch, Submission};
+pub use gpu::{Gpu, Pipeline};
+pub use kernel::{BindingKind, GROUP, Kernel, Layout, SPAN_LAYOUT, Span, UNIFORM_BLOCK};
+pub use options::{Backend, DeviceLimits, EngineOptions};
+pub use readback::ReadbackRing;
 pub use real::Real;
+pub use shader::{Composed, compose};
+pub use start::{Description, Engine};
+
+/// The engine's own kernels.
+pub const KERNELS: &[&Kernel] = &[
+    &canary::CANARY,
+    &compact::COMPACT_COUNT,
+    &compact::COMPACT_SCAN,
+    &compact::COMPACT_SCATTER,
+    &reduce::REDUCE_MIN,
+    &reduce::REDUCE_SUM,
+];

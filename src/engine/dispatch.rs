@@ -1,0 +1,250 @@
+//! Submitting work: batches of dispatches, time slices, waiting.
+
+use std::sync::PoisonError;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use super::buffer::{BindGroup, Buffer};
+use super::gpu::{Gpu, Pipeline};
+use super::kernel::{GROUP, Kernel, Span};
+use crate::error::{Error, Result};
+
+/// Time one slice is planned to take. Desktop drivers end work that takes about two seconds, and the machine should
+/// stay usable meanwhile.
+const SLICE: Duration = Duration::from_millis(150);
+
+/// Items of the first slice of a kernel whose pace is not known.
+const PROBE: u32 = 4096;
+
+/// Dispatches and copies that are submitted together, in order; each sees what those before it wrote.
+#[derive(Debug)]
+pub struct Batch<'a> {
+    gpu: &'a Gpu,
+    pub(super) encoder: wgpu::CommandEncoder,
+    /// The spans of each bind group used, written when the batch is submitted.
+    spans: Vec<(wgpu::Buffer, Vec<Span>)>,
+}
+
+/// Tells one submission from others.
+#[derive(Clone, Debug)]
+pub struct Submission(pub(super) wgpu::SubmissionIndex);
+
+impl Gpu {
+    /// An empty batch.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the device is lost.
+    pub fn batch(&self) -> Result<Batch<'_>> {
+        let encoder = self.scoped("batch", || self.device.create_command_encoder(&Default::default()))?;
+        Ok(Batch { gpu: self, encoder, spans: Vec::new() })
+    }
+
+    /// Waits for a submission.
+    ///
+    /// # Errors
+    /// [`Error::Device`] after the time limit of the engine's options, or if the device is lost.
+    pub fn wait(&self, submission: &Submission) -> Result<()> {
+        self.check()?;
+        let wait =
+            wgpu::PollType::Wait { submission_index: Some(submission.0.clone()), timeout: Some(self.timeout) };
+        match self.device.poll(wait) {
+            Ok(_) => self.check(),
+            Err(e) => {
+                self.check()?;
+                Err(Error::Device {
+                    what: format!("no answer after {:.0} s ({e})", self.timeout.as_secs_f64()),
+                    remedy: "The driver hangs or the machine is overloaded: try again or use --backend cpu".into(),
+                })
+            }
+        }
+    }
+
+    /// Runs a kernel over items `0..items` in slices of about 0.15 s each and waits for the last; `done` hears how many
+    /// more items are finished. Two slices are under way at a time, so that the device does not idle between them.
+    ///
+    /// # Errors
+    /// [`Error::Device`].
+    pub fn run(&self, pipeline: &Pipeline, group: &BindGroup, items: usize, mut done: impl FnMut(u64)) -> Result<()> {
+        let total = u32::try_from(items).map_err(|_| Error::Capability {
+            limit: format!("items of kernel {}", pipeline.kernel.name),
+            required: items as u64,
+            actual: u64::from(u32::MAX),
+        })?;
+        let mut first = 0;
+        let mut pending: Option<(Submission, u32)> = None;
+        let mut mark = Instant::now();
+        while first < total {
+            let known = pipeline.pace.load(Ordering::Relaxed) != 0;
+            let count = self.slice(pipeline).min(total - first);
+            let mut batch = self.batch()?;
+            batch.dispatch_range(pipeline, group, first, count)?;
+            let submission = batch.submit()?;
+            first += count;
+            if !known {
+                // The first dispatch of a kernel holds its compilation, so its time says nothing about its pace;
+                // the second, of the same items, does.
+                self.wait(&submission)?;
+                mark = Instant::now();
+                let mut again = self.batch()?;
+                again.dispatch_range(pipeline, group, first - count, count)?;
+                self.wait(&again.submit()?)?;
+                learn(pipeline, mark.elapsed(), count);
+                mark = Instant::now();
+                done(u64::from(count));
+                continue;
+            }
+            if let Some((before, n)) = pending.replace((submission, count)) {
+                self.wait(&before)?;
+                learn(pipeline, mark.elapsed(), n);
+                mark = Instant::now();
+                done(u64::from(n));
+            }
+        }
+        if let Some((last, n)) = pending {
+            self.wait(&last)?;
+            learn(pipeline, mark.elapsed(), n);
+            done(u64::from(n));
+        }
+        Ok(())
+    }
+
+    /// Items of this kernel that take about one time slice.
+    pub fn slice(&self, pipeline: &Pipeline) -> u32 {
+        let per_group = pipeline.kernel.items_per_group();
+        let most = u64::from(per_group) * u64::from(self.capabilities.max_groups);
+        let pace = pipeline.pace.load(Ordering::Relaxed);
+        let items = if pace == 0 { u64::from(PROBE) } else { SLICE.as_nanos() as u64 * 1000 / pace };
+        let items = items.clamp(1, most).min(u64::from(u32::MAX / 2)) as u32;
+        items.next_multiple_of(per_group)
+    }
+}
+
+/// Takes over a measured pace; halfway, so that one disturbed slice does not change the next sixfold.
+fn learn(pipeline: &Pipeline, time: Duration, items: u32) {
+    let pace = (time.as_nanos() as u64).saturating_mul(1000) / u64::from(items.max(1));
+    let before = pipeline.pace.load(Ordering::Relaxed);
+    let mean = if before == 0 { pace } else { before / 2 + pace / 2 };
+    pipeline.pace.store(mean.max(1), Ordering::Relaxed);
+}
+
+fn fault(kernel: &Kernel, what: &str) -> Error {
+    Error::Device {
+        what: format!("kernel {}: {what}", kernel.name),
+        remedy: "This is a fault of barymap: please report it".into(),
+    }
+}
+
+impl Batch<'_> {
+    /// Adds a dispatch over items `0..items`; nothing for none. The caller keeps the work of a batch within a time
+    /// slice ([`Gpu::slice`]).
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the items are too many for one dispatch or the bind group is of another kernel.
+    pub fn dispatch(&mut self, pipeline: &Pipeline, group: &BindGroup, items: usize) -> Result<()> {
+        let count = u32::try_from(items).unwrap_or(u32::MAX);
+        self.dispatch_range(pipeline, group, 0, count)
+    }
+
+    /// Adds a dispatch over `items` items from `first` on.
+    ///
+    /// # Errors
+    /// As [`Batch::dispatch`].
+    pub fn dispatch_range(
+        &mut self,
+        pipeline: &Pipeline,
+        group: &BindGroup,
+        first: u32,
+        items: u32,
+    ) -> Result<()> {
+        let (span, groups) = match Span::grid(pipeline.kernel, first, items, self.gpu.capabilities.max_groups) {
+            _ if items == 0 => return Ok(()),
+            Some(grid) => grid,
+            None => return Err(fault(pipeline.kernel, &format!("{items} items from {first} do not fit one dispatch"))),
+        };
+        self.record(pipeline, group, span, groups)
+    }
+
+    /// Adds a dispatch in which a single workgroup works on items `0..items`; nothing for none.
+    ///
+    /// # Errors
+    /// As [`Batch::dispatch`].
+    pub fn dispatch_one_group(&mut self, pipeline: &Pipeline, group: &BindGroup, items: usize) -> Result<()> {
+        let end = u32::try_from(items).map_err(|_| fault(pipeline.kernel, "too many items for one workgroup"))?;
+        if end == 0 {
+            return Ok(());
+        }
+        self.record(pipeline, group, Span { first: 0, end, row: GROUP, unused: 0 }, [1, 1])
+    }
+
+    fn record(&mut self, pipeline: &Pipeline, group: &BindGroup, span: Span, [x, y]: [u32; 2]) -> Result<()> {
+        let kernel = pipeline.kernel;
+        if group.kernel != kernel.name {
+            return Err(fault(kernel, &format!("dispatched with the bindings of {}", group.kernel)));
+        }
+        let index = self.spans.iter().position(|(b, _)| *b == group.spans).unwrap_or_else(|| {
+            self.spans.push((group.spans.clone(), Vec::new()));
+            self.spans.len() - 1
+        });
+        let used = &mut self.spans[index].1;
+        let slot = used.iter().position(|s| *s == span).unwrap_or_else(|| {
+            used.push(span);
+            used.len() - 1
+        });
+        if slot >= group.slots {
+            return Err(fault(kernel, &format!("more than {} different dispatches in a batch", group.slots)));
+        }
+        let offset = slot as u32 * self.gpu.span_stride();
+        let mut pass = self.encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some(kernel.name),
+            timestamp_writes: None,
+        });
+        pass.set_pipeline(&pipeline.pipeline);
+        pass.set_bind_group(0, &group.raw, &[offset]);
+        pass.dispatch_workgroups(x, y, 1);
+        Ok(())
+    }
+
+    /// Adds a copy of `count` elements between buffers.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if a range leaves its buffer.
+    pub fn copy<T: bytemuck::Pod>(
+        &mut self,
+        from: &Buffer<T>,
+        from_first: usize,
+        to: &Buffer<T>,
+        to_first: usize,
+        count: usize,
+    ) -> Result<()> {
+        let a = from.bytes(&(from_first..from_first.saturating_add(count)))?;
+        let b = to.bytes(&(to_first..to_first.saturating_add(count)))?;
+        if count > 0 {
+            self.encoder.copy_buffer_to_buffer(&from.raw, a.start, &to.raw, b.start, a.end - a.start);
+        }
+        Ok(())
+    }
+
+    /// Sets all of a buffer to zero.
+    pub fn clear<T>(&mut self, buffer: &Buffer<T>) {
+        self.encoder.clear_buffer(&buffer.raw, 0, None);
+    }
+
+    /// Hands the batch to the device.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the device refuses it.
+    pub fn submit(self) -> Result<Submission> {
+        let Self { gpu, encoder, spans } = self;
+        let stride = u64::from(gpu.span_stride());
+        gpu.scoped("submission", || {
+            // Spans are written right before the submission that reads them; another thread's must not come between.
+            let _turn = gpu.submitting.lock().unwrap_or_else(PoisonError::into_inner);
+            for (buffer, spans) in &spans {
+                for (slot, span) in spans.iter().enumerate() {
+                    gpu.queue.write_buffer(buffer, slot as u64 * stride, bytemuck::bytes_of(span));
+                }
+            }
+            Submission(gpu.queue.submit([encoder.finish()]))
+        })
+    }
+}

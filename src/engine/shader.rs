@@ -1,0 +1,90 @@
+//! Putting a kernel's text together.
+//!
+//! A line `//#import lib/NAME` is replaced by the file `shaders/lib/NAME.wgsl`, once per kernel however often it is
+//! named; imports may import. The directive is a comment, so that every file stays plain WGSL to an editor. Library
+//! files hold structs, constants and pure functions, never bindings. The origin of every line is kept, so that a
+//! message about line 212 of the whole can name file and line.
+
+use crate::error::{Error, Result};
+
+/// The files that kernels may import.
+const LIBRARY: &[(&str, &str)] = &[
+    ("lib/matching", include_str!("../../shaders/lib/matching.wgsl")),
+    ("lib/span", include_str!("../../shaders/lib/span.wgsl")),
+];
+
+/// The whole text of a kernel.
+#[derive(Clone, Debug)]
+pub struct Composed {
+    /// WGSL.
+    pub text: String,
+    /// For each line, the file (without folder and ending) and its 1-based line there.
+    origins: Vec<(String, usize)>,
+}
+
+impl Composed {
+    /// The place `file.wgsl:line` that a 1-based line of [`Composed::text`] came from.
+    pub fn origin(&self, line: usize) -> String {
+        match line.checked_sub(1).and_then(|i| self.origins.get(i)) {
+            Some((file, line)) => format!("shaders/{file}.wgsl:{line}"),
+            None => "the end of the kernel".into(),
+        }
+    }
+}
+
+/// Resolves the imports of a kernel called `name` whose own text is `source`.
+///
+/// # Errors
+/// [`Error::Device`] if an import is not in the library: a fault of the crate, not of the user.
+pub fn compose(name: &str, source: &str) -> Result<Composed> {
+    let mut whole = Composed { text: String::new(), origins: Vec::new() };
+    let mut seen = Vec::new();
+    append(name, source, &mut whole, &mut seen)?;
+    Ok(whole)
+}
+
+fn append(name: &str, source: &str, whole: &mut Composed, seen: &mut Vec<String>) -> Result<()> {
+    for (i, line) in source.lines().enumerate() {
+        let Some(import) = line.trim().strip_prefix("//#import ") else {
+            whole.text.push_str(line);
+            whole.text.push('\n');
+            whole.origins.push((name.to_string(), i + 1));
+            continue;
+        };
+        let import = import.trim();
+        if seen.iter().any(|s| s == import) {
+            continue;
+        }
+        seen.push(import.to_string());
+        let Some((_, text)) = LIBRARY.iter().find(|(n, _)| *n == import) else {
+            return Err(Error::Device {
+                what: format!("shaders/{name}.wgsl:{} imports {import}, which is not in the library", i + 1),
+                remedy: "This is a fault of barymap: please report it".into(),
+            });
+        };
+        append(import, text, whole, seen)?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn imports_come_once_and_lines_keep_their_origin() {
+        let c = compose("demo", "// a\n//#import lib/span\n//#import lib/span\n// b\n").unwrap();
+        assert_eq!(c.text.matches("struct Span").count(), 1);
+        assert_eq!(c.origin(1), "shaders/demo.wgsl:1");
+        assert_eq!(c.origin(2), "shaders/lib/span.wgsl:1");
+        assert_eq!(c.origin(c.text.lines().count()), "shaders/demo.wgsl:4");
+        assert_eq!(c.origin(100_000), "the end of the kernel");
+        assert_eq!(c.origin(0), "the end of the kernel");
+    }
+
+    #[test]
+    fn an_unknown_import_names_file_and_line() {
+        let e = compose("demo", "\n//#import lib/nowhere").unwrap_err().to_string();
+        assert!(e.contains("shaders/demo.wgsl:2") && e.contains("lib/nowhere"), "{e}");
+    }
+}

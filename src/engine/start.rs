@@ -1,0 +1,190 @@
+//! The engine: which back end does the work, and how it says so.
+
+use std::fmt;
+use std::sync::Arc;
+
+use super::adapter::{self, AdapterSummary};
+use super::canary;
+use super::capability::Capabilities;
+use super::gpu::Gpu;
+use super::options::{Backend, DeviceLimits, EngineOptions};
+use crate::error::{Error, Result};
+
+/// Where kernels run. Cheap to clone; clones share the device.
+#[derive(Clone, Debug)]
+pub struct Engine {
+    backend: Backend,
+    gpu: Option<Arc<Gpu>>,
+    description: Description,
+    note: Option<String>,
+    cpu_stages: Vec<String>,
+}
+
+/// Who computed a result, as reports give it.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct Description {
+    /// `gpu`, `cpu` or `reference`.
+    pub backend: String,
+    /// Name of the adapter or processor.
+    pub name: String,
+    /// Driver and version, or the threads used.
+    pub driver: String,
+}
+
+impl fmt::Display for Description {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {} ({})", self.backend, self.name, self.driver)
+    }
+}
+
+impl Engine {
+    /// An engine as the options ask for.
+    ///
+    /// `Auto` takes the best adapter, hardware before software; where there is none, or it cannot be started, the CPU
+    /// does the work and [`Engine::note`] says so. An adapter asked for by name must exist.
+    ///
+    /// # Errors
+    /// [`Error::NoAdapter`] if a named adapter, or for `Gpu` any adapter, is missing; [`Error::Device`] if it cannot be
+    /// started.
+    ///
+    /// # Examples
+    /// ```
+    /// use barymap::engine::{Backend, Engine, EngineOptions};
+    /// let engine = Engine::new(EngineOptions { backend: Backend::Cpu, ..EngineOptions::default() })?;
+    /// assert!(engine.gpu().is_none());
+    /// # Ok::<(), barymap::Error>(())
+    /// ```
+    pub fn new(options: EngineOptions) -> Result<Self> {
+        match options.backend {
+            Backend::Cpu | Backend::Reference => Ok(Self::on_cpu(options.backend)),
+            Backend::Gpu => Self::on_adapter(&options),
+            Backend::Auto => match Self::on_adapter(&options) {
+                Ok(engine) => Ok(engine),
+                Err(e) if options.adapter.is_some() => Err(e),
+                Err(e) => Ok(Self { note: Some(format!("working on the CPU: {e}")), ..Self::on_cpu(Backend::Cpu) }),
+            },
+        }
+    }
+
+    /// The CPU references in single precision.
+    pub fn cpu() -> Self {
+        Self::on_cpu(Backend::Cpu)
+    }
+
+    /// The CPU references in double precision.
+    pub fn reference() -> Self {
+        Self::on_cpu(Backend::Reference)
+    }
+
+    /// An engine on a device the caller made and keeps. Its limits are what the device was created with; its callbacks
+    /// for loss and stray errors stay the caller's.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the device fails the start-up tests.
+    pub fn from_device(info: &wgpu::AdapterInfo, device: wgpu::Device, queue: wgpu::Queue) -> Result<Self> {
+        Self::with_device(info, device, queue, &EngineOptions::default(), false)
+    }
+
+    /// All adapters of this machine, best first; empty where no driver is installed.
+    pub fn adapters() -> Vec<AdapterSummary> {
+        adapter::list()
+    }
+
+    /// The back end at work: never `Auto`.
+    pub fn backend(&self) -> Backend {
+        self.backend
+    }
+
+    /// The device, if kernels run on one.
+    pub fn gpu(&self) -> Option<&Gpu> {
+        self.gpu.as_deref()
+    }
+
+    /// The device that runs the stage called `stage`; `None` if it runs on the CPU, because the whole engine does or
+    /// because the options keep this stage there.
+    pub fn gpu_for(&self, stage: &str) -> Option<&Gpu> {
+        if self.cpu_stages.iter().any(|s| s == stage) { None } else { self.gpu() }
+    }
+
+    /// Who computes, for reports.
+    pub fn description(&self) -> &Description {
+        &self.description
+    }
+
+    /// One line to show the user, if `Auto` fell back to the CPU.
+    pub fn note(&self) -> Option<&str> {
+        self.note.as_deref()
+    }
+
+    fn on_cpu(backend: Backend) -> Self {
+        let threads = rayon::current_num_threads();
+        let description = Description {
+            backend: backend.word().into(),
+            name: format!("{} processor", std::env::consts::ARCH),
+            driver: format!("{threads} thread{}", if threads == 1 { "" } else { "s" }),
+        };
+        Self { backend, gpu: None, description, note: None, cpu_stages: Vec::new() }
+    }
+
+    fn on_adapter(options: &EngineOptions) -> Result<Self> {
+        let named = options.adapter.clone().or_else(|| std::env::var("WGPU_ADAPTER_NAME").ok());
+        let adapter = adapter::choose(named.as_deref())?;
+        let info = adapter.get_info();
+        let required_limits = match options.limits {
+            DeviceLimits::Adapter => adapter.limits(),
+            DeviceLimits::Downlevel => wgpu::Limits::downlevel_defaults().or_worse_values_from(&adapter.limits()),
+        };
+        let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+            label: Some("barymap"),
+            required_limits,
+            ..Default::default()
+        }))
+        .map_err(|e| Error::Device {
+            what: format!("adapter '{}' could not be started: {e}", info.name),
+            remedy: "Choose another with --adapter (barymap devices lists them) or use --backend cpu".into(),
+        })?;
+        Self::with_device(&info, device, queue, options, true)
+    }
+
+    fn with_device(
+        info: &wgpu::AdapterInfo,
+        device: wgpu::Device,
+        queue: wgpu::Queue,
+        options: &EngineOptions,
+        owned: bool,
+    ) -> Result<Self> {
+        let software = info.device_type == wgpu::DeviceType::Cpu;
+        let capabilities = Capabilities::from_limits(&device.limits(), software);
+        let mut gpu = Gpu::new(device, queue, capabilities, options.memory, options.timeout);
+        if owned {
+            gpu.watch();
+        }
+        canary::run(&mut gpu)?;
+        let description = Description {
+            backend: Backend::Gpu.word().into(),
+            name: info.name.clone(),
+            driver: format!("{}, {}", adapter::driver(info), info.backend),
+        };
+        Ok(Self {
+            backend: Backend::Gpu,
+            gpu: Some(Arc::new(gpu)),
+            description,
+            note: None,
+            cpu_stages: options.cpu_stages.clone(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_processor_needs_no_adapter() {
+        for b in [Backend::Cpu, Backend::Reference] {
+            let e = Engine::new(EngineOptions { backend: b, ..EngineOptions::default() }).unwrap();
+            assert_eq!((e.backend(), e.description().backend.as_str()), (b, b.word()));
+            assert!(e.gpu().is_none() && e.note().is_none() && e.gpu_for("average_anchors").is_none());
+        }
+    }
+}

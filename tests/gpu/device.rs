@@ -1,0 +1,149 @@
+//! Starting, borrowing and losing devices.
+
+use std::process::Command;
+
+use barymap::Error;
+use barymap::engine::{Backend, DeviceLimits, Engine, EngineOptions};
+
+use crate::{devices, downlevel, engine};
+
+#[test]
+fn an_adapter_that_is_not_there_is_an_error() {
+    let options = EngineOptions { adapter: Some("no such adapter 3f9a".into()), ..EngineOptions::default() };
+    for backend in [Backend::Gpu, Backend::Auto] {
+        let refused = Engine::new(EngineOptions { backend, ..options.clone() }).unwrap_err();
+        assert!(matches!(refused, Error::NoAdapter { .. }), "{refused}");
+        assert!(refused.to_string().contains("--backend cpu"), "{refused}");
+    }
+}
+
+#[test]
+fn adapters_are_listed_and_found_by_part_of_their_name() {
+    if engine().is_none() {
+        return;
+    }
+    let list = Engine::adapters();
+    assert_eq!(list.iter().filter(|a| a.preferred).count(), 1);
+    let part: String = list[0].name.to_uppercase().chars().take(5).collect();
+    let options =
+        EngineOptions { backend: Backend::Gpu, adapter: Some(part), cpu_stages: vec!["x".into()], ..Default::default() };
+    let found = Engine::new(options).unwrap();
+    assert_eq!(found.description().name, list[0].name);
+    assert!(found.gpu_for("x").is_none() && found.gpu_for("y").is_some());
+}
+
+#[test]
+fn the_loop_canary_tells_what_the_driver_does() {
+    for gpu in devices() {
+        let c = gpu.capabilities();
+        if c.truncates_loops {
+            assert!(c.loop_budget < 70_000 && c.check_loops("k", 70_000).is_err());
+        } else {
+            assert!(c.check_loops("k", 70_000).is_ok());
+        }
+        assert!(c.check_loops("k", u64::from(c.loop_budget)).is_ok());
+    }
+}
+
+#[test]
+fn a_downlevel_device_has_downlevel_limits() {
+    let Some(gpu) = downlevel().and_then(Engine::gpu) else { return };
+    let c = gpu.capabilities();
+    assert_eq!((c.max_storage_buffers, c.max_uniform_binding), (4, 16 * 1024));
+}
+
+#[test]
+fn a_borrowed_device_runs_kernels() {
+    if engine().is_none() {
+        return;
+    }
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let adapter = pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions::default())).unwrap();
+    let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor::default())).unwrap();
+    let borrowed = Engine::from_device(&adapter.get_info(), device, queue).unwrap();
+    let gpu = borrowed.gpu().unwrap();
+    let values = gpu.upload("values", &[1.0f32, 2.0, 3.5]).unwrap();
+    assert_eq!(gpu.sum(&values, 3).unwrap(), 6.5);
+}
+
+#[test]
+fn a_lost_device_is_an_error_at_every_entry() {
+    if engine().is_none() {
+        return;
+    }
+    let own = Engine::new(EngineOptions { backend: Backend::Gpu, ..Default::default() }).unwrap();
+    let gpu = own.gpu().unwrap();
+    let values = gpu.upload("values", &[1.0f32]).unwrap();
+    gpu.destroy();
+    let lost = [
+        gpu.check(),
+        gpu.buffer::<f32>("b", 4).map(drop),
+        gpu.write(&values, 0, &[2.0]),
+        gpu.uniform("u", &[0.0f32; 4]).map(drop),
+        gpu.batch().map(drop),
+        gpu.read(&values, 0..1).map(drop),
+        gpu.sum(&values, 1).map(drop),
+    ];
+    for (i, outcome) in lost.into_iter().enumerate() {
+        assert!(matches!(outcome, Err(Error::Device { .. })), "entry {i}");
+    }
+}
+
+#[test]
+fn memory_and_binding_limits_are_errors() {
+    if engine().is_none() {
+        return;
+    }
+    let options = EngineOptions { backend: Backend::Gpu, memory: Some(1 << 20), ..Default::default() };
+    let own = Engine::new(options).unwrap();
+    let gpu = own.gpu().unwrap();
+    let before = gpu.memory_held();
+    let kept = gpu.buffer::<u8>("kept", 1 << 19).unwrap();
+    let refused = gpu.buffer::<u8>("refused", 1 << 20).unwrap_err();
+    assert!(matches!(refused, Error::Memory { .. }) && refused.to_string().contains("--memory"), "{refused}");
+    drop(kept);
+    assert_eq!(gpu.memory_held(), before, "dropped and refused buffers are given back");
+    let most = gpu.capabilities().max_elements::<f32>() as usize;
+    assert!(matches!(gpu.buffer::<f32>("large", most + 1), Err(Error::Capability { .. })));
+}
+
+#[test]
+fn ranges_outside_a_buffer_are_errors() {
+    for gpu in devices() {
+        let b = gpu.upload("b", &[1.0f32, 2.0]).unwrap();
+        assert!(gpu.read(&b, 1..3).is_err());
+        assert!(gpu.write(&b, 2, &[1.0]).is_err());
+        assert!(gpu.write(&b, usize::MAX, &[1.0]).is_err());
+        assert!(gpu.sum(&b, 3).is_err());
+        assert_eq!(gpu.read(&b, 1..2).unwrap(), [2.0]);
+        assert_eq!(gpu.read(&b, 2..2).unwrap(), [0.0f32; 0]);
+    }
+}
+
+/// Set in the child process of the test below.
+const CHILD: &str = "BARYMAP_TEST_NO_DRIVER";
+
+#[test]
+fn without_a_driver_the_processor_works_and_says_so() {
+    if std::env::var_os(CHILD).is_some() {
+        assert!(Engine::adapters().is_empty());
+        let refused = Engine::new(EngineOptions { backend: Backend::Gpu, ..Default::default() }).unwrap_err();
+        assert!(refused.to_string().contains("mesa-vulkan-drivers"), "{refused}");
+        let limits = DeviceLimits::Downlevel;
+        let auto = Engine::new(EngineOptions { limits, ..Default::default() }).unwrap();
+        assert_eq!(auto.backend(), Backend::Cpu);
+        assert!(auto.note().is_some_and(|n| n.starts_with("working on the CPU")));
+        return;
+    }
+    // The loader of Vulkan drivers reads its list once, so the missing driver needs a process of its own.
+    let name = "device::without_a_driver_the_processor_works_and_says_so";
+    let status = Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", name, "--quiet"])
+        .env(CHILD, "1")
+        .env("VK_DRIVER_FILES", "/nonexistent/driver.json")
+        .env("VK_ICD_FILENAMES", "/nonexistent/driver.json")
+        .env_remove("BARYMAP_REQUIRE_GPU")
+        .status()
+        .unwrap();
+    assert!(status.success());
+}
