@@ -4,7 +4,12 @@
 //! line and the remedy. No header makes them allocate more than the file can fill. Writers go through [`output`], so that a file appears whole
 //! or not at all.
 
+pub mod anchors;
 mod assemble;
+mod gltf_document;
+pub mod gltf_read;
+pub mod gltf_write;
+pub mod image_file;
 mod material_library;
 pub mod obj;
 pub mod obj_write;

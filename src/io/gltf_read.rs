@@ -1,0 +1,281 @@
+//! glTF 2.0 and GLB, read as one mesh.
+//!
+//! All triangle meshes of the default scene are taken with the transforms of their nodes. glTF repeats a vertex along texture seams, which
+//! would cut the surface there: vertices of one mesh with exactly equal positions become one, and every face corner keeps its own texture
+//! coordinate. A vertex index counts the vertices that remain, in file order of their first occurrence. Texture coordinates are turned to the OBJ
+//! convention (v = 1 is the top of the picture).
+
+use std::collections::{HashMap, HashSet};
+use std::path::Path;
+use std::sync::Arc;
+
+use glam::{DMat4, DQuat, DVec2, DVec3};
+
+use super::LoadedMesh;
+use super::assemble::{self, TexcoordPool};
+use super::gltf_document::{Document, MeshData, Node, Primitive, TextureUse};
+use super::source::{self, Notes};
+use crate::Result;
+use crate::geometry::{Corner, Material, MeshBuilder, NONE};
+
+/// Reads a `.gltf` or `.glb` file with its buffers. O(file size) time and memory.
+///
+/// # Errors
+/// [`crate::Error::Io`], or [`crate::Error::Format`]: damaged data, a compressed mesh, an extension that is required and not known, no triangles.
+pub fn read_gltf(path: impl AsRef<Path>) -> Result<LoadedMesh> {
+    let path = path.as_ref();
+    parse_gltf(&source::read_all(path)?, path)
+}
+
+/// Reads glTF content; `path` names it in messages and locates its buffers and textures.
+///
+/// # Errors
+/// As [`read_gltf`].
+pub fn parse_gltf(bytes: &[u8], path: &Path) -> Result<LoadedMesh> {
+    let document = Document::parse(bytes, path)?;
+    let mut scene = SceneReader {
+        // Instances may repeat data, but a small file must not grow without bound.
+        budget: document.byte_count.saturating_mul(16).saturating_add(1 << 20),
+        document: &document,
+        builder: MeshBuilder::new(path.display().to_string()),
+        notes: Notes::default(),
+        file_vertices: 0,
+    };
+    scene.materials()?;
+    for (node, transform) in scene.placed_meshes()? {
+        scene.mesh(node, transform)?;
+    }
+    let SceneReader { builder, mut notes, file_vertices, .. } = scene;
+    let left = builder.mesh.positions.len();
+    if left < file_vertices {
+        notes.say(format!("{file_vertices} vertices were joined to {left} where their positions are exactly equal"));
+    }
+    assemble::finish(builder, notes, path)
+}
+
+struct SceneReader<'a> {
+    document: &'a Document<'a>,
+    builder: MeshBuilder,
+    notes: Notes,
+    /// Elements that may still be added.
+    budget: usize,
+    file_vertices: usize,
+}
+
+/// A mesh to be added: its name and data, and where it stands.
+type Placed<'a> = ((String, &'a MeshData), DMat4);
+
+impl<'a> SceneReader<'a> {
+    fn materials(&mut self) -> Result<()> {
+        let mut images: HashMap<usize, Option<Arc<[u8]>>> = HashMap::new();
+        for (k, data) in self.document.root.materials.iter().enumerate() {
+            let name = data.name.clone().unwrap_or_else(|| format!("material{k}"));
+            let mut material = Material { name, ..Material::default() };
+            let pbr = data.pbr_metallic_roughness.as_ref();
+            material.base_color = pbr.and_then(|p| p.base_color_factor).unwrap_or([1.0; 4]);
+            if let Some(texture) = pbr.and_then(|p| p.base_color_texture.as_ref()) {
+                let image = self.document.root.textures.get(texture.index).and_then(|t| t.source);
+                match image {
+                    Some(image) => {
+                        if !images.contains_key(&image) {
+                            images.insert(image, self.document.embedded_image(image)?);
+                        }
+                        material.embedded_texture = images[&image].clone();
+                        if let (None, Some(uri)) = (&material.embedded_texture, &self.document.root.images[image].uri) {
+                            let file = self.document.file(uri)?;
+                            if !file.is_file() {
+                                self.notes.say(format!("the texture {} does not exist", file.display()));
+                            }
+                            material.base_color_texture = Some(file);
+                        }
+                    }
+                    None => self
+                        .notes
+                        .say(format!("material {:?}: its texture is stored in a way that is not read", material.name)),
+                }
+            }
+            self.builder.mesh.materials.push(material);
+        }
+        Ok(())
+    }
+
+    /// The meshes of the default scene in depth-first order.
+    fn placed_meshes(&mut self) -> Result<Vec<Placed<'a>>> {
+        let root = &self.document.root;
+        let all: Vec<usize>;
+        let roots = match root.scenes.get(root.scene.unwrap_or(0)) {
+            Some(scene) => &scene.nodes,
+            None => {
+                let children: HashSet<usize> = root.nodes.iter().flat_map(|n| n.children.iter().copied()).collect();
+                all = (0..root.nodes.len()).filter(|n| !children.contains(n)).collect();
+                &all
+            }
+        };
+        let mut stack: Vec<(usize, DMat4)> = roots.iter().rev().map(|&n| (n, DMat4::IDENTITY)).collect();
+        let mut seen = vec![false; root.nodes.len()];
+        let mut placed = Vec::new();
+        while let Some((index, parent)) = stack.pop() {
+            let Some(node) = root.nodes.get(index) else {
+                return Err(self.damaged(format!("there is no node {index}")));
+            };
+            if std::mem::replace(&mut seen[index], true) {
+                return Err(self.damaged(format!("node {index} has two parents")));
+            }
+            let transform = parent * local_transform(node);
+            if let Some(mesh) = node.mesh {
+                let Some(data) = root.meshes.get(mesh) else {
+                    return Err(self.damaged(format!("there is no mesh {mesh}")));
+                };
+                let name = node.name.as_ref().or(data.name.as_ref()).cloned();
+                let name = name.unwrap_or_else(|| format!("mesh{mesh}"));
+                if node.skin.is_some() {
+                    self.notes.say("the mesh has a skeleton: it is read in the pose it is stored in".to_owned());
+                }
+                // The transform of a skinned node does not count (glTF 2.0, section 3.7.3.3).
+                let transform = if node.skin.is_some() { DMat4::IDENTITY } else { transform };
+                placed.push(((name, data), transform));
+            }
+            stack.extend(node.children.iter().rev().map(|&child| (child, transform)));
+        }
+        Ok(placed)
+    }
+
+    fn damaged(&self, what: String) -> crate::Error {
+        self.document.error(what, "The file is damaged: export the model again")
+    }
+
+    fn spend(&mut self, count: usize) -> Result<()> {
+        self.budget = self.budget.checked_sub(count).ok_or_else(|| {
+            let what = "its instances expand to far more than the file holds";
+            self.document.error(what, "Export the model with its instances applied")
+        })?;
+        if self.builder.corners_mut().len().saturating_add(count) >= NONE as usize - 1 {
+            let what = "more face corners than 32-bit indices can number";
+            return Err(self.document.error(what, "Split the model"));
+        }
+        Ok(())
+    }
+
+    fn mesh(&mut self, (name, data): (String, &MeshData), transform: DMat4) -> Result<()> {
+        self.builder.group = self.builder.mesh.groups.len() as u32;
+        self.builder.mesh.groups.push(name);
+        let mut welded = HashMap::new();
+        let mut pool = TexcoordPool::default();
+        for primitive in &data.primitives {
+            match (primitive.mode.unwrap_or(4), primitive.attributes.get("POSITION")) {
+                (mode @ 4..=6, Some(&positions)) => {
+                    self.primitive(primitive, mode, positions, transform, &mut welded, &mut pool)?;
+                }
+                (0..=3, _) => self.notes.count("sets of points or lines were passed over", None),
+                _ => return Err(self.damaged("a primitive has no positions or an unknown mode".to_owned())),
+            }
+        }
+        Ok(())
+    }
+
+    fn primitive(
+        &mut self,
+        primitive: &Primitive,
+        mode: u32,
+        positions: usize,
+        transform: DMat4,
+        welded: &mut HashMap<[u64; 3], u32>,
+        pool: &mut TexcoordPool,
+    ) -> Result<()> {
+        let positions = self.document.numbers(positions, 3)?;
+        let count = positions.len() / 3;
+        self.spend(count)?;
+        self.file_vertices += count;
+        let mesh = &mut self.builder.mesh;
+        let vertex: Vec<u32> = positions
+            .chunks_exact(3)
+            .map(|p| {
+                // Adding zero makes -0 equal to 0.
+                *welded.entry([p[0] + 0.0, p[1] + 0.0, p[2] + 0.0].map(f64::to_bits)).or_insert_with(|| {
+                    mesh.positions.push(transform.transform_point3(DVec3::new(p[0], p[1], p[2])));
+                    mesh.positions.len() as u32 - 1
+                })
+            })
+            .collect();
+        let texture = primitive.material.and_then(|m| self.document.root.materials.get(m));
+        let texture = texture.and_then(|m| m.pbr_metallic_roughness.as_ref()?.base_color_texture.as_ref());
+        let placement = Placement::of(texture, &mut self.notes);
+        let texcoords = match primitive.attributes.get(&format!("TEXCOORD_{}", placement.set)) {
+            Some(&accessor) => self.document.numbers(accessor, 2)?,
+            None => Vec::new(),
+        };
+        let indices: Vec<f64> = match primitive.indices {
+            Some(accessor) => self.document.numbers(accessor, 1)?,
+            None => (0..count).map(|i| i as f64).collect(),
+        };
+        self.spend(indices.len().saturating_mul(if mode == 4 { 1 } else { 3 }))?;
+        if let Some(bad) = indices.iter().find(|i| !(**i >= 0.0 && **i < count as f64)) {
+            return Err(self.damaged(format!("a triangle refers to vertex {bad} of {count}")));
+        }
+        let mut corner = Vec::with_capacity(indices.len());
+        for &index in &indices {
+            let i = index as usize;
+            let uv = texcoords.get(2 * i..2 * i + 2).map(|uv| placement.apply(DVec2::new(uv[0], uv[1])));
+            let texcoord = uv.map_or(NONE, |uv| pool.add(vertex[i], uv, &mut self.builder.mesh.texcoords));
+            corner.push(Corner { vertex: vertex[i], texcoord, normal: NONE });
+        }
+        let known = primitive.material.filter(|m| *m < self.document.root.materials.len());
+        self.builder.material = known.map_or(NONE, |m| m as u32);
+        // A reflection turns triangles inside out.
+        let reflected = transform.determinant() < 0.0;
+        let triangles = if mode == 4 { corner.len() / 3 } else { corner.len().saturating_sub(2) };
+        for t in 0..triangles {
+            let [a, mut b, mut c] = match mode {
+                4 => [3 * t, 3 * t + 1, 3 * t + 2],
+                5 if t % 2 == 1 => [t + 1, t, t + 2],
+                5 => [t, t + 1, t + 2],
+                _ => [0, t + 1, t + 2],
+            };
+            if reflected {
+                std::mem::swap(&mut b, &mut c);
+            }
+            self.builder.polygon([corner[a], corner[b], corner[c]]);
+        }
+        Ok(())
+    }
+}
+
+fn local_transform(node: &Node) -> DMat4 {
+    if let Some(matrix) = &node.matrix {
+        return DMat4::from_cols_array(matrix);
+    }
+    let rotation = DQuat::from_array(node.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]));
+    // Rotations are stored in single precision.
+    let rotation = if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
+    let scale = DVec3::from(node.scale.unwrap_or([1.0; 3]));
+    DMat4::from_scale_rotation_translation(scale, rotation, DVec3::from(node.translation.unwrap_or([0.0; 3])))
+}
+
+/// Which texture coordinates a material uses, and how they are moved.
+struct Placement {
+    set: usize,
+    offset: DVec2,
+    scale: DVec2,
+}
+
+impl Placement {
+    fn of(texture: Option<&TextureUse>, notes: &mut Notes) -> Self {
+        let mut placement = Self { set: texture.map_or(0, |t| t.tex_coord), offset: DVec2::ZERO, scale: DVec2::ONE };
+        if let Some(value) = texture.and_then(|t| t.extensions.get("KHR_texture_transform")) {
+            let pair = |key: &str| Some(DVec2::new(value[key][0].as_f64()?, value[key][1].as_f64()?));
+            placement.offset = pair("offset").unwrap_or(placement.offset);
+            placement.scale = pair("scale").unwrap_or(placement.scale);
+            placement.set = value["texCoord"].as_u64().map_or(placement.set, |s| s as usize);
+            if value["rotation"].as_f64().is_some_and(|r| r != 0.0) {
+                notes.say("the rotation of a texture was passed over (KHR_texture_transform)".to_owned());
+            }
+        }
+        placement
+    }
+
+    /// From glTF's v, which runs down from the top of the picture, to OBJ's, which runs up from the bottom.
+    fn apply(&self, uv: DVec2) -> DVec2 {
+        let uv = self.offset + self.scale * uv;
+        DVec2::new(uv.x, 1.0 - uv.y)
+    }
+}

@@ -1,0 +1,233 @@
+//! Writing a mesh as GLB, ready to view.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use glam::{DVec2, DVec3};
+use serde_json::{Value, json};
+
+use super::output;
+use crate::geometry::{Mesh, NONE};
+use crate::{Error, Result};
+
+/// The look of a part of a model.
+#[derive(Clone, Debug, Default)]
+pub struct GlbMaterial {
+    /// Its name.
+    pub name: String,
+    /// Base colour factor, RGBA, linear; multiplied with the texture.
+    pub base_color: [f32; 4],
+    /// Base colour texture as the bytes of a PNG or JPEG file.
+    pub texture: Option<Vec<u8>>,
+}
+
+/// Writes `mesh` as a binary glTF 2.0 file with computed smooth normals.
+///
+/// `materials[k]` is used by the polygons with material `k`; polygons without one, or beyond the list, use the first. With one entry the whole mesh
+/// uses it. Vertices are repeated along texture seams, as the format asks; unused ones and triangles that repeat a vertex are left out. Positions
+/// become single precision.
+///
+/// # Errors
+/// [`Error::Io`]; [`Error::Mesh`] if there is no triangle, a position does not fit single precision, or the file would exceed the format's 4 GiB.
+pub fn write_glb(path: impl AsRef<Path>, mesh: &Mesh, materials: &[GlbMaterial]) -> Result<()> {
+    output::write_bytes(path, &glb_bytes(mesh, materials)?)
+}
+
+/// The bytes [`write_glb`] writes.
+///
+/// # Errors
+/// As [`write_glb`].
+pub fn glb_bytes(mesh: &Mesh, materials: &[GlbMaterial]) -> Result<Vec<u8>> {
+    let mut out = Parts::default();
+    let normals = vertex_normals(mesh);
+    let mut primitives = Vec::new();
+    for k in 0..materials.len().max(1) {
+        let wanted = |t: usize| {
+            let m = mesh.triangle_material(t);
+            let m = if m == NONE || m as usize >= materials.len() { 0 } else { m as usize };
+            m == k
+        };
+        let split = Split::new(mesh, wanted);
+        if split.indices.is_empty() {
+            continue;
+        }
+        let mut primitive = split.write(mesh, &normals, &mut out)?;
+        if !materials.is_empty() {
+            primitive["material"] = k.into();
+        }
+        primitives.push(primitive);
+    }
+    if primitives.is_empty() {
+        return Err(Error::mesh(&mesh.name, "there is no triangle to write", "Use a mesh with faces"));
+    }
+    let (mut images, mut textures, mut looks) = (Vec::new(), Vec::new(), Vec::new());
+    for material in materials {
+        let mut pbr = json!({"baseColorFactor": material.base_color, "metallicFactor": 0.0, "roughnessFactor": 1.0});
+        if let Some(bytes) = &material.texture {
+            let kind = if bytes.starts_with(&[0xff, 0xd8]) { "image/jpeg" } else { "image/png" };
+            let view = out.view(bytes, None);
+            pbr["baseColorTexture"] = json!({"index": textures.len()});
+            textures.push(json!({"source": images.len(), "sampler": 0}));
+            images.push(json!({"bufferView": view, "mimeType": kind}));
+        }
+        looks.push(json!({"name": material.name, "pbrMetallicRoughness": pbr, "doubleSided": true}));
+    }
+    let mut root = json!({
+        "asset": {"version": "2.0", "generator": concat!("barymap ", env!("CARGO_PKG_VERSION"))},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": primitives}],
+        "accessors": out.accessors,
+        "bufferViews": out.views,
+        "buffers": [{"byteLength": out.bytes.len()}],
+    });
+    // The format forbids empty lists.
+    if !looks.is_empty() {
+        root["materials"] = looks.into();
+    }
+    if !textures.is_empty() {
+        root["textures"] = textures.into();
+        root["images"] = images.into();
+        // Repeating, with mip-maps: texture coordinates outside the unit square repeat as everywhere in this crate.
+        root["samplers"] = json!([{"magFilter": 9729, "minFilter": 9987, "wrapS": 10497, "wrapT": 10497}]);
+    }
+    container(&mesh.name, root.to_string().into_bytes(), &out.bytes)
+}
+
+/// The two chunks, padded as the format asks.
+fn container(name: &str, mut json: Vec<u8>, binary: &[u8]) -> Result<Vec<u8>> {
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let total = 12 + 8 + json.len() + 8 + binary.len();
+    if u32::try_from(total).is_err() {
+        let what = format!("the file would have {total} bytes, GLB allows 4 GiB");
+        return Err(Error::mesh(name, what, "Use smaller textures"));
+    }
+    let mut file = Vec::with_capacity(total);
+    for word in [0x4654_6c67, 2, total as u32, json.len() as u32, 0x4e4f_534a] {
+        file.extend_from_slice(&u32::to_le_bytes(word));
+    }
+    file.extend_from_slice(&json);
+    for word in [binary.len() as u32, 0x004e_4942] {
+        file.extend_from_slice(&u32::to_le_bytes(word));
+    }
+    file.extend_from_slice(binary);
+    Ok(file)
+}
+
+/// The binary chunk as it grows, and what describes it.
+#[derive(Default)]
+struct Parts {
+    bytes: Vec<u8>,
+    views: Vec<Value>,
+    accessors: Vec<Value>,
+}
+
+impl Parts {
+    fn view(&mut self, bytes: &[u8], target: Option<u32>) -> usize {
+        let mut view = json!({"buffer": 0, "byteOffset": self.bytes.len(), "byteLength": bytes.len()});
+        if let Some(target) = target {
+            view["target"] = target.into();
+        }
+        self.bytes.extend_from_slice(bytes);
+        self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
+        self.views.push(view);
+        self.views.len() - 1
+    }
+
+    fn accessor(&mut self, bytes: &[u8], target: u32, component: u32, count: usize, shape: &str) -> usize {
+        let view = self.view(bytes, Some(target));
+        self.accessors.push(json!({"bufferView": view, "componentType": component, "count": count, "type": shape}));
+        self.accessors.len() - 1
+    }
+}
+
+const ARRAY: u32 = 34962;
+const ELEMENTS: u32 = 34963;
+const FLOAT: u32 = 5126;
+const UNSIGNED_INT: u32 = 5125;
+
+/// The vertices of one material, one for each pair of a vertex and a texture coordinate.
+struct Split {
+    pairs: Vec<(u32, u32)>,
+    indices: Vec<u32>,
+    textured: bool,
+}
+
+impl Split {
+    fn new(mesh: &Mesh, wanted: impl Fn(usize) -> bool) -> Self {
+        let mut index = HashMap::new();
+        let mut split = Self { pairs: Vec::new(), indices: Vec::new(), textured: false };
+        for t in (0..mesh.triangle_count()).filter(|&t| wanted(t)) {
+            let corners = mesh.triangle_corners(t);
+            let [a, b, c] = corners.map(|c| c.vertex);
+            if a == b || b == c || c == a {
+                continue;
+            }
+            for corner in corners {
+                let pair = (corner.vertex, corner.texcoord);
+                split.textured |= corner.texcoord != NONE;
+                split.indices.push(*index.entry(pair).or_insert_with(|| {
+                    split.pairs.push(pair);
+                    split.pairs.len() as u32 - 1
+                }));
+            }
+        }
+        split
+    }
+
+    fn write(&self, mesh: &Mesh, normals: &[DVec3], out: &mut Parts) -> Result<Value> {
+        let mut bytes = Vec::with_capacity(12 * self.pairs.len());
+        let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+        for &(v, _) in &self.pairs {
+            let p = mesh.positions[v as usize].as_vec3();
+            if !p.is_finite() {
+                let what = format!("the position of vertex {v} does not fit single precision");
+                return Err(Error::mesh(&mesh.name, what, "Scale the mesh or correct the vertex"));
+            }
+            for (k, x) in p.to_array().into_iter().enumerate() {
+                low[k] = low[k].min(x);
+                high[k] = high[k].max(x);
+                bytes.extend_from_slice(&x.to_le_bytes());
+            }
+        }
+        let positions = out.accessor(&bytes, ARRAY, FLOAT, self.pairs.len(), "VEC3");
+        out.accessors[positions]["min"] = json!(low);
+        out.accessors[positions]["max"] = json!(high);
+        bytes.clear();
+        for &(v, _) in &self.pairs {
+            let n = normals[v as usize].as_vec3();
+            bytes.extend(n.to_array().into_iter().flat_map(f32::to_le_bytes));
+        }
+        let normals = out.accessor(&bytes, ARRAY, FLOAT, self.pairs.len(), "VEC3");
+        let mut attributes = json!({"POSITION": positions, "NORMAL": normals});
+        if self.textured {
+            bytes.clear();
+            for &(_, t) in &self.pairs {
+                let uv = mesh.texcoords.get(t as usize).copied().unwrap_or(DVec2::ZERO);
+                // The format's v runs down from the top of the picture.
+                for x in [uv.x as f32, (1.0 - uv.y) as f32] {
+                    bytes.extend_from_slice(&if x.is_finite() { x } else { 0.0 }.to_le_bytes());
+                }
+            }
+            attributes["TEXCOORD_0"] = out.accessor(&bytes, ARRAY, FLOAT, self.pairs.len(), "VEC2").into();
+        }
+        let bytes: Vec<u8> = self.indices.iter().flat_map(|i| i.to_le_bytes()).collect();
+        let indices = out.accessor(&bytes, ELEMENTS, UNSIGNED_INT, self.indices.len(), "SCALAR");
+        Ok(json!({"attributes": attributes, "indices": indices}))
+    }
+}
+
+/// Area-weighted unit normals of the vertices; up where there is none.
+fn vertex_normals(mesh: &Mesh) -> Vec<DVec3> {
+    let mut normals = vec![DVec3::ZERO; mesh.vertex_count()];
+    for t in 0..mesh.triangle_count() {
+        let n = mesh.triangle_area_normal(t);
+        if n.is_finite() {
+            for v in mesh.triangle(t) {
+                normals[v as usize] += n;
+            }
+        }
+    }
+    normals.into_iter().map(|n| n.try_normalize().unwrap_or(DVec3::Z)).collect()
+}
