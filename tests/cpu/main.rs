@@ -1,0 +1,3 @@
+//! Tests of the CPU side through the public interface; no graphics device is touched.
+
+mod transfer;
