@@ -1,1 +1,2 @@
 //! What users do: combinations of the methods.
+pub mod transfer;

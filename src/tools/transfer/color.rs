@@ -1,0 +1,103 @@
+//! Samples as numbers to average: the sRGB transfer function and depths.
+
+use std::sync::LazyLock;
+
+/// Light from an sRGB value (IEC 61966-2-1); values outside 0..1 follow the same curves, mirrored at 0.
+pub fn srgb_to_linear(x: f32) -> f32 {
+    let a = x.abs();
+    (if a <= 0.04045 { a / 12.92 } else { ((a + 0.055) / 1.055).powf(2.4) }).copysign(x)
+}
+
+/// The sRGB value of light, the inverse of [`srgb_to_linear`].
+pub fn linear_to_srgb(x: f32) -> f32 {
+    let a = x.abs();
+    (if a <= 0.003_130_8 { a * 12.92 } else { 1.055 * a.powf(1.0 / 2.4) - 0.055 }).copysign(x)
+}
+
+/// A depth of samples.
+pub(super) trait Sample: Copy + Default + Send + Sync + 'static {
+    /// The value to average: in 0..1 for integers; light if `light`.
+    fn decode(self, light: bool) -> f32;
+    /// The nearest sample to a value.
+    fn encode(value: f32, light: bool) -> Self;
+}
+
+static LIGHT_8: LazyLock<Vec<f32>> = LazyLock::new(|| light_table(255));
+static LIGHT_16: LazyLock<Vec<f32>> = LazyLock::new(|| light_table(65535));
+
+fn light_table(most: u32) -> Vec<f32> {
+    (0..=most).map(|i| srgb_to_linear(i as f32 / most as f32)).collect()
+}
+
+impl Sample for u8 {
+    #[inline]
+    fn decode(self, light: bool) -> f32 {
+        if light { LIGHT_8[self as usize] } else { f32::from(self) * (1.0 / 255.0) }
+    }
+
+    #[inline]
+    fn encode(value: f32, light: bool) -> Self {
+        let value = if light { linear_to_srgb(value) } else { value };
+        // A cast saturates and takes NaN to 0.
+        (value * 255.0 + 0.5) as Self
+    }
+}
+
+impl Sample for u16 {
+    #[inline]
+    fn decode(self, light: bool) -> f32 {
+        if light { LIGHT_16[self as usize] } else { f32::from(self) * (1.0 / 65535.0) }
+    }
+
+    #[inline]
+    fn encode(value: f32, light: bool) -> Self {
+        let value = if light { linear_to_srgb(value) } else { value };
+        (value * 65535.0 + 0.5) as Self
+    }
+}
+
+/// Floats hold light already.
+impl Sample for f32 {
+    #[inline]
+    fn decode(self, _light: bool) -> f32 {
+        self
+    }
+
+    #[inline]
+    fn encode(value: f32, _light: bool) -> Self {
+        value
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn round_trips<T: Sample + PartialEq>(values: impl Iterator<Item = T>) -> bool {
+        values.into_iter().all(|x| [false, true].into_iter().all(|light| T::encode(x.decode(light), light) == x))
+    }
+
+    #[test]
+    fn every_sample_survives() {
+        assert!(round_trips(0..=u8::MAX));
+        assert!(round_trips(0..=u16::MAX));
+        assert!(round_trips([-1.0_f32, 0.0, 0.25, 7.5].into_iter()));
+    }
+
+    #[test]
+    fn rounds_to_nearest_and_saturates() {
+        assert_eq!(u8::encode(0.4999 / 255.0, false), 0);
+        assert_eq!(u8::encode(0.5001 / 255.0, false), 1);
+        assert_eq!(u8::encode(-3.0, false), 0);
+        assert_eq!(u16::encode(3.0, false), u16::MAX);
+        assert_eq!(u8::encode(f32::NAN, true), 0);
+    }
+
+    #[test]
+    fn srgb_reference_values() {
+        // Middle grey 0.5 is 0.2140411 of the light (IEC 61966-2-1).
+        assert!((srgb_to_linear(0.5) - 0.214_041_14).abs() < 1e-6);
+        assert!((linear_to_srgb(0.214_041_14) - 0.5).abs() < 1e-6);
+        assert_eq!(srgb_to_linear(1.0), 1.0);
+    }
+}

@@ -1,0 +1,341 @@
+//! The whole transfer, band after band.
+
+use rayon::prelude::*;
+
+use super::atlas::AtlasTexel;
+use super::band::Window;
+use super::bins::Atlas;
+use super::footprint::Footprint;
+use super::layer::{Layer, blank, copy_padding, store};
+use super::mip::MipChain;
+use super::pad::pad_seams;
+use super::plan::Plan;
+use super::sample::{SampleParams, sample_texture};
+use super::stopwatch::Stopwatch;
+use super::tables::{source_triangles, target_triangles};
+use super::{LARGEST_SIDE, TransferOptions, TransferOutput, TransferStats, coverage};
+use crate::error::{Error, Result};
+use crate::geometry::{Mesh, NONE};
+use crate::progress::Progress;
+use crate::raster::{Image, Pixels};
+use crate::surface::PointMap;
+
+/// Transfers the `layers` of `source` onto the texture of `target`.
+///
+/// `map` takes points of the target to points of the source. The result is the same, byte for byte, for any number of threads and any
+/// memory limit, if the map's is.
+///
+/// # Errors
+/// If an option is out of range; a mesh has no texture coordinates, or one that is not finite; a layer's pictures do not fit together;
+/// the work does not fit into `options.memory`; or the map fails.
+pub fn transfer(
+    source: &Mesh,
+    layers: &[Layer<'_>],
+    target: &Mesh,
+    map: &dyn PointMap,
+    options: &TransferOptions,
+    progress: &dyn Progress,
+) -> Result<TransferOutput> {
+    check(source, layers, target, options)?;
+    let plan = Plan::new(source, layers, target, options)?;
+    let mut watch = Stopwatch::new();
+    let table = source_triangles(source)?;
+    let grid = |scale: u32| -> Result<Window<'_>> {
+        let size = [options.width * scale, options.height * scale];
+        let atlas = Atlas::new(target, size[0], size[1], options.region, options.material, plan.most_triangles)?;
+        let target = target_triangles(target, source, size[0], size[1])?;
+        Ok(Window::new(size, atlas, target, map, source.triangle_count(), plan.most_entries))
+    };
+    let mut coarse = grid(1)?;
+    let mut fine = if options.supersample > 1 { Some(grid(options.supersample)?) } else { None };
+    watch.lap("prepare");
+    let mut outputs = layers.iter().map(|l| Output::new(l, source, options)).collect::<Result<Vec<_>>>()?;
+    watch.lap("mip");
+
+    let (width, height) = (options.width as usize, options.height as usize);
+    let mut covers = vec![coverage::NOTHING; width * height];
+    let mut tally = Tally::default();
+    let mut scratch = Scratch::default();
+    let mut bands = 0;
+    progress.stage("texels", (width * height) as u64);
+    for start in (0..height).step_by(plan.rows) {
+        let rows = start..(start + plan.rows).min(height);
+        coarse.advance(&rows, &mut watch)?;
+        coarse.footprints(&rows, &table, &mut scratch.footprints);
+        watch.lap("footprint");
+        if let Some(fine) = &mut fine {
+            let k = options.supersample as usize;
+            let fine_rows = rows.start * k..rows.end * k;
+            fine.advance(&fine_rows, &mut watch)?;
+            fine.footprints(&fine_rows, &table, &mut scratch.fine_footprints);
+            watch.lap("footprint");
+        }
+        for output in &mut outputs {
+            output.sample(&rows, &coarse, fine.as_ref(), &mut scratch, options);
+        }
+        watch.lap("sample_texture");
+        let band = &mut covers[rows.start * width..rows.end * width];
+        tally.add(&rows, &coarse, &scratch.footprints, &outputs, band);
+        watch.lap("coverage");
+        bands += 1;
+        progress.advance((rows.len() * width) as u64);
+    }
+    let (atlas, stats_memory) = (coarse.atlas(), plan.bytes);
+    let mut stats = TransferStats {
+        texels: (width * height) as u64,
+        missing_texcoords: atlas.missing,
+        degenerate_texcoords: atlas.degenerate,
+        mirrored_texcoords: atlas.mirrored,
+        memory: stats_memory,
+        bands,
+        ..tally.stats()
+    };
+    drop((coarse, fine, scratch));
+    if options.margin > 0 {
+        progress.stage("padding", height as u64);
+        let mut nearest = Vec::new();
+        for start in (0..height).step_by(plan.rows) {
+            let rows = start..(start + plan.rows).min(height);
+            pad_seams(&covers, width, rows.clone(), options.margin, &mut nearest);
+            let first = rows.start * width;
+            for output in &mut outputs {
+                copy_padding(&mut output.image, first, &nearest);
+            }
+            for (cover, &from) in covers[first..].iter_mut().zip(&nearest) {
+                if from != NONE && *cover == coverage::NOTHING {
+                    *cover = coverage::PADDING;
+                    stats.padded += 1;
+                }
+            }
+            progress.advance(rows.len() as u64);
+        }
+        watch.lap("pad_seams");
+    }
+    stats.stages = watch.stages;
+    let coverage = Image { width: options.width, height: options.height, channels: 1, pixels: Pixels::U8(covers) };
+    Ok(TransferOutput { layers: outputs.into_iter().map(|o| o.image).collect(), coverage, stats })
+}
+
+fn check(source: &Mesh, layers: &[Layer<'_>], target: &Mesh, options: &TransferOptions) -> Result<()> {
+    for (name, side) in [("width", options.width), ("height", options.height)] {
+        if side == 0 || side > LARGEST_SIDE {
+            return Err(Error::option(
+                "--size",
+                format!("{name} {side}"),
+                format!("Give a size from 1 to {LARGEST_SIDE}"),
+            ));
+        }
+    }
+    if !(1..=4).contains(&options.supersample) {
+        return Err(Error::option("--supersample", options.supersample.to_string(), "Give 1, 2, 3 or 4"));
+    }
+    if !(1..=16).contains(&options.taps) {
+        return Err(Error::option("--taps", options.taps.to_string(), "Give 1 to 16"));
+    }
+    if layers.is_empty() {
+        return Err(Error::input("no texture to transfer", "Give at least one layer"));
+    }
+    layers.iter().try_for_each(Layer::check)?;
+    for mesh in [source, target] {
+        if !mesh.has_texcoords() {
+            return Err(Error::mesh(
+                &mesh.name,
+                "has no texture coordinates",
+                "Unwrap it first: the source needs them for its picture, the target for the result",
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Buffers of a band, kept to be reused.
+#[derive(Default)]
+struct Scratch {
+    footprints: Vec<Footprint>,
+    fine_footprints: Vec<Footprint>,
+    colors: Vec<f32>,
+    fine_colors: Vec<f32>,
+}
+
+/// A layer and its result.
+struct Output<'a> {
+    chains: Vec<MipChain<'a>>,
+    texture_of: Vec<u32>,
+    image: Image,
+}
+
+impl<'a> Output<'a> {
+    fn new(layer: &Layer<'a>, source: &Mesh, options: &TransferOptions) -> Result<Self> {
+        let (channels, depth) = layer.output_format(options.background);
+        Ok(Self {
+            chains: layer.images.iter().map(|i| MipChain::new(i, layer.encoding)).collect::<Result<_>>()?,
+            texture_of: layer.texture_of(source),
+            image: blank(options.width, options.height, channels, depth, options.background)?,
+        })
+    }
+
+    /// Colours at footprints.
+    fn colors(&self, footprints: &[Footprint], options: &TransferOptions, colors: &mut Vec<f32>) {
+        let channels = self.image.channels;
+        colors.clear();
+        colors.resize(footprints.len() * channels as usize, 0.0);
+        for (texture, chain) in self.chains.iter().enumerate() {
+            let params = SampleParams { filter: options.filter, taps: options.taps, channels, texture: texture as u32 };
+            sample_texture(chain, &params, &self.texture_of, footprints, colors);
+        }
+    }
+
+    /// Fills the rows of the result.
+    fn sample(
+        &mut self,
+        rows: &std::ops::Range<usize>,
+        coarse: &Window<'_>,
+        fine: Option<&Window<'_>>,
+        scratch: &mut Scratch,
+        options: &TransferOptions,
+    ) {
+        self.colors(&scratch.footprints, options, &mut scratch.colors);
+        if let Some(fine) = fine {
+            self.colors(&scratch.fine_footprints, options, &mut scratch.fine_colors);
+            self.average(rows, coarse, fine, scratch, options.supersample as usize);
+        }
+        let encoding = self.chains[0].encoding;
+        let first = rows.start * coarse.width;
+        store(&mut self.image, first, encoding, &self.texture_of, &scratch.footprints, &scratch.colors);
+    }
+
+    /// Replaces the colour of each texel by the mean of its samples whose centres lie in the same chart, if there are any.
+    fn average(
+        &self,
+        rows: &std::ops::Range<usize>,
+        coarse: &Window<'_>,
+        fine: &Window<'_>,
+        scratch: &mut Scratch,
+        k: usize,
+    ) {
+        let (width, channels) = (coarse.width, self.image.channels as usize);
+        let texels = coarse.texels(rows);
+        let fine_texels = fine.texels(&(rows.start * k..rows.end * k));
+        let Scratch { colors, fine_colors, fine_footprints, .. } = scratch;
+        let shown = |f: &Footprint| f.face != NONE && self.texture_of[f.face as usize] != NONE;
+        colors.par_chunks_mut(width * channels).enumerate().for_each(|(y, row)| {
+            for (x, color) in row.chunks_exact_mut(channels).enumerate() {
+                let chart = coarse.chart(&texels[y * width + x]);
+                if chart == NONE {
+                    continue;
+                }
+                let mut sum = [0.0_f32; 4];
+                let mut count = 0;
+                for j in 0..k {
+                    for i in (y * k + j) * width * k + x * k..(y * k + j) * width * k + x * k + k {
+                        let sample: &AtlasTexel = &fine_texels[i];
+                        if sample.is_centre() && fine.chart(sample) == chart && shown(&fine_footprints[i]) {
+                            count += 1;
+                            for (s, c) in sum.iter_mut().zip(&fine_colors[i * channels..(i + 1) * channels]) {
+                                *s += c;
+                            }
+                        }
+                    }
+                }
+                if count > 0 {
+                    for (c, s) in color.iter_mut().zip(sum) {
+                        *c = s / count as f32;
+                    }
+                }
+            }
+        });
+    }
+}
+
+/// Counts of texels, and areas of the target that they stand for.
+#[derive(Clone, Copy, Debug, Default)]
+struct Tally {
+    covered: u64,
+    centre: u64,
+    overlapping: u64,
+    valid: u64,
+    doubtful: u64,
+    area: f64,
+    valid_area: f64,
+    doubtful_area: f64,
+}
+
+impl Tally {
+    /// Counts a band and writes its coverage.
+    fn add(
+        &mut self,
+        rows: &std::ops::Range<usize>,
+        window: &Window<'_>,
+        footprints: &[Footprint],
+        outputs: &[Output<'_>],
+        covers: &mut [u8],
+    ) {
+        let width = window.width;
+        let (texels, images) = (window.texels(rows), window.images(rows));
+        let textured = |f: &Footprint| f.face != NONE && outputs.iter().any(|o| o.texture_of[f.face as usize] != NONE);
+        let count_row = |(y, covers): (usize, &mut [u8])| {
+            let mut sum = Self::default();
+            for (x, cover) in covers.iter_mut().enumerate() {
+                let i = y * width + x;
+                let texel = &texels[i];
+                if !texel.is_covered() {
+                    continue;
+                }
+                sum.covered += 1;
+                sum.centre += u64::from(texel.is_centre());
+                sum.overlapping += u64::from(texel.cover & AtlasTexel::OVERLAP != 0);
+                // A texel seen at its centre stands for its area; the others' is counted by their neighbours.
+                let area =
+                    if texel.is_centre() { f64::from(window.target[texel.face as usize].texel_area) } else { 0.0 };
+                sum.area += area;
+                if !textured(&footprints[i]) {
+                    continue;
+                }
+                if Window::is_valid(&images[i]) {
+                    *cover = coverage::VALID;
+                    sum.valid += 1;
+                    sum.valid_area += area;
+                } else {
+                    *cover = coverage::DOUBTFUL;
+                    sum.doubtful += 1;
+                    sum.doubtful_area += area;
+                }
+            }
+            sum
+        };
+        let rows: Vec<Self> = covers.par_chunks_mut(width).enumerate().map(count_row).collect();
+        for row in rows {
+            self.covered += row.covered;
+            self.centre += row.centre;
+            self.overlapping += row.overlapping;
+            self.valid += row.valid;
+            self.doubtful += row.doubtful;
+            self.area += row.area;
+            self.valid_area += row.valid_area;
+            self.doubtful_area += row.doubtful_area;
+        }
+    }
+
+    fn stats(&self) -> TransferStats {
+        let fraction = |area: f64, count: u64| {
+            if self.area > 0.0 {
+                area / self.area
+            } else if self.covered > 0 {
+                count as f64 / self.covered as f64
+            } else {
+                0.0
+            }
+        };
+        TransferStats {
+            covered: self.covered,
+            covered_centre: self.centre,
+            overlapping: self.overlapping,
+            valid: self.valid,
+            doubtful: self.doubtful,
+            colorless: self.covered - self.valid - self.doubtful,
+            valid_fraction: fraction(self.valid_area, self.valid),
+            doubtful_fraction: fraction(self.doubtful_area, self.doubtful),
+            ..TransferStats::default()
+        }
+    }
+}

@@ -1,0 +1,187 @@
+//! Layers: the textures of a source that one correspondence carries over together.
+
+use rayon::prelude::*;
+
+use super::Background;
+use super::color::Sample;
+use super::footprint::Footprint;
+use super::mip::{Alpha, Encoding};
+use crate::error::{Error, Result};
+use crate::geometry::{Mesh, NONE};
+use crate::raster::{Depth, Image, Pixels};
+
+/// One texture of the source (colour, roughness, normals ...), as a picture for all of it or one per material.
+#[derive(Clone, Debug)]
+pub struct Layer<'a> {
+    /// Name, used in messages.
+    pub name: String,
+    /// The pictures.
+    pub images: Vec<&'a Image>,
+    /// Picture of each of the source's materials, [`NONE`] for a material without.
+    pub material_texture: Vec<u32>,
+    /// Picture of triangles without material, or whose material is not listed; [`NONE`] if they have none.
+    pub default_texture: u32,
+    /// How samples are averaged.
+    pub encoding: Encoding,
+}
+
+impl<'a> Layer<'a> {
+    /// A layer with one picture for the whole source.
+    pub fn single(name: impl Into<String>, image: &'a Image) -> Self {
+        Self {
+            name: name.into(),
+            images: vec![image],
+            material_texture: Vec::new(),
+            default_texture: 0,
+            encoding: Encoding::default(),
+        }
+    }
+
+    pub(super) fn check(&self) -> Result<()> {
+        for (i, image) in self.images.iter().enumerate() {
+            image.check(&format!("layer {}, picture {i}", self.name))?;
+        }
+        let count = self.images.len();
+        let bad =
+            self.material_texture.iter().chain([&self.default_texture]).find(|&&t| t != NONE && t as usize >= count);
+        match bad {
+            _ if count == 0 => {
+                Err(Error::input(format!("layer {} has no picture", self.name), "Give it one, or leave the layer out"))
+            }
+            Some(t) => Err(Error::input(
+                format!("layer {} refers to picture {t} of {count}", self.name),
+                "Give an index below the number of its pictures",
+            )),
+            None => Ok(()),
+        }
+    }
+
+    /// Picture of each triangle of the source.
+    pub(super) fn texture_of(&self, source: &Mesh) -> Vec<u32> {
+        let of = |t| {
+            let material = source.triangle_material(t) as usize;
+            self.material_texture.get(material).copied().unwrap_or(self.default_texture)
+        };
+        (0..source.triangle_count()).map(of).collect()
+    }
+
+    /// Channels and depth of the result: enough for every picture, and alpha for a transparent background.
+    pub(super) fn output_format(&self, background: Background) -> (u32, Depth) {
+        let color = self.images.iter().any(|i| i.channels > 2);
+        let alpha = background == Background::Transparent || self.images.iter().any(|i| i.has_alpha());
+        let depth = self.images.iter().map(|i| i.depth()).max_by_key(|d| d.bytes()).unwrap_or(Depth::U8);
+        (if color { 3 } else { 1 } + u32::from(alpha), depth)
+    }
+}
+
+/// The background as samples of a picture with this many channels.
+fn background_values(background: Background, channels: usize) -> Vec<f32> {
+    let c = match background {
+        Background::Transparent => [0.0; 4],
+        Background::Color(c) => c,
+    };
+    match channels {
+        1 => vec![c[0]],
+        2 => vec![c[0], c[3]],
+        n => c[..n].to_vec(),
+    }
+}
+
+/// A picture of nothing but background.
+pub(super) fn blank(width: u32, height: u32, channels: u32, depth: Depth, background: Background) -> Result<Image> {
+    fn fill<T: Sample>(samples: &mut [T], values: &[f32]) {
+        let values: Vec<T> = values.iter().map(|&v| T::encode(v, false)).collect();
+        samples.par_chunks_mut(values.len() * 4096).for_each(|part| {
+            part.chunks_exact_mut(values.len()).for_each(|texel| texel.copy_from_slice(&values));
+        });
+    }
+    let mut image = Image::zeros(width, height, channels, depth)?;
+    let values = background_values(background, channels as usize);
+    if values.iter().any(|&v| v != 0.0) {
+        match &mut image.pixels {
+            Pixels::U8(v) => fill(v, &values),
+            Pixels::U16(v) => fill(v, &values),
+            Pixels::F32(v) => fill(v, &values),
+        }
+    }
+    Ok(image)
+}
+
+/// Writes colours (decoded, premultiplied) into a picture from texel `first` on, where the footprint's triangle has a texture.
+pub(super) fn store(
+    image: &mut Image,
+    first: usize,
+    encoding: Encoding,
+    texture_of: &[u32],
+    footprints: &[Footprint],
+    colors: &[f32],
+) {
+    fn run<T: Sample>(
+        out: &mut [T],
+        channels: usize,
+        encoding: Encoding,
+        texture_of: &[u32],
+        footprints: &[Footprint],
+        colors: &[f32],
+    ) {
+        const TASK: usize = 4096;
+        let tasks = footprints.par_chunks(TASK).zip(colors.par_chunks(TASK * channels));
+        tasks.zip(out.par_chunks_mut(TASK * channels)).for_each(|((footprints, colors), out)| {
+            let texels = colors.chunks_exact(channels).zip(out.chunks_exact_mut(channels));
+            for (f, (color, out)) in footprints.iter().zip(texels) {
+                if f.face != NONE && texture_of[f.face as usize] != NONE {
+                    encode(color, out, encoding);
+                }
+            }
+        });
+    }
+    let channels = image.channels as usize;
+    let range = first * channels..first * channels + colors.len();
+    match &mut image.pixels {
+        Pixels::U8(v) => run(&mut v[range], channels, encoding, texture_of, footprints, colors),
+        Pixels::U16(v) => run(&mut v[range], channels, encoding, texture_of, footprints, colors),
+        Pixels::F32(v) => run(&mut v[range], channels, encoding, texture_of, footprints, colors),
+    }
+}
+
+/// One texel: colours divided by alpha, rounded to nearest.
+#[inline]
+fn encode<T: Sample>(color: &[f32], out: &mut [T], encoding: Encoding) {
+    let n = color.len();
+    if !n.is_multiple_of(2) {
+        for (out, &c) in out.iter_mut().zip(color) {
+            *out = T::encode(c, encoding.linear_light);
+        }
+        return;
+    }
+    let alpha = color[n - 1];
+    let scale = match encoding.alpha {
+        Alpha::Data => 1.0,
+        Alpha::Opacity if alpha > 0.0 => 1.0 / alpha,
+        // No colour is left where nothing is opaque.
+        Alpha::Opacity => 0.0,
+    };
+    for (out, &c) in out.iter_mut().zip(&color[..n - 1]) {
+        *out = T::encode(c * scale, encoding.linear_light);
+    }
+    out[n - 1] = T::encode(alpha, false);
+}
+
+/// Copies to each texel from `first` on the texel that `nearest` names, if it is another.
+pub(super) fn copy_padding(image: &mut Image, first: usize, nearest: &[u32]) {
+    fn run<T: Copy>(samples: &mut [T], channels: usize, first: usize, nearest: &[u32]) {
+        for (i, &from) in nearest.iter().enumerate() {
+            let to = first + i;
+            if from != NONE && from as usize != to {
+                let from = from as usize * channels;
+                samples.copy_within(from..from + channels, to * channels);
+            }
+        }
+    }
+    let channels = image.channels as usize;
+    match &mut image.pixels {
+        Pixels::U8(v) => run(v, channels, first, nearest),
+        Pixels::U16(v) => run(v, channels, first, nearest),
+        Pixels::F32(v) => run(v, channels, first, nearest),
+    }
+}

@@ -1,0 +1,238 @@
+//! `sample_texture`: the colour of a texel, averaged over its footprint on the source's texture.
+//!
+//! The footprint's matrix takes the texel's square to a parallelogram, read as an ellipse with its singular values as widths. Its
+//! narrow side chooses the level of the mip chain, and taps are spread along its wide side (Schilling, Knittel and Strasser 1996,
+//! "Texram"; the same arithmetic as EXT_texture_filter_anisotropic).
+
+use rayon::prelude::*;
+
+use super::color::Sample;
+use super::footprint::Footprint;
+use super::mip::{Encoding, Level, MipChain};
+use crate::geometry::NONE;
+use crate::raster::Pixels;
+
+/// Footprints up to this much wider than a texel, or than a whole number of narrow sides, count as no wider, so that rounding
+/// does not blur.
+const SLACK: f32 = 1.0 / 64.0;
+/// Texels of one parallel task.
+const TASK: usize = 4096;
+
+/// How a texture is averaged.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Filter {
+    /// Over the footprint: levels of a mip chain along its narrow side, up to 16 taps along the wide one.
+    #[default]
+    Anisotropic,
+    /// Levels of a mip chain by the wide side of the footprint: blurs where it is much wider than narrow.
+    Trilinear,
+    /// Four texels of the picture whatever the footprint: flickers and aliases where the texture is reduced.
+    Bilinear,
+}
+
+/// Parameters of [`sample_texture`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SampleParams {
+    /// How the texture is averaged.
+    pub filter: Filter,
+    /// Largest number of taps along the wide side, 1 to 16.
+    pub taps: u32,
+    /// Channels of the output; pictures with fewer are widened (grey to colour, alpha 1).
+    pub channels: u32,
+    /// Index of this texture: only texels whose source triangle has it are sampled.
+    pub texture: u32,
+}
+
+/// Samples one texture at the texels whose source triangle shows it.
+///
+/// `texture_of` holds the texture of each source triangle; `colors` gets `params.channels` decoded, premultiplied values per footprint,
+/// and is left as it is where the texture is another.
+///
+/// Time O(footprints x taps).
+pub fn sample_texture(
+    chain: &MipChain<'_>,
+    params: &SampleParams,
+    texture_of: &[u32],
+    footprints: &[Footprint],
+    colors: &mut [f32],
+) {
+    match (&chain.image.pixels, chain.image.channels) {
+        (Pixels::U8(v), 1) => run::<u8, 1>(v, chain, params, texture_of, footprints, colors),
+        (Pixels::U8(v), 2) => run::<u8, 2>(v, chain, params, texture_of, footprints, colors),
+        (Pixels::U8(v), 3) => run::<u8, 3>(v, chain, params, texture_of, footprints, colors),
+        (Pixels::U8(v), _) => run::<u8, 4>(v, chain, params, texture_of, footprints, colors),
+        (Pixels::U16(v), 1) => run::<u16, 1>(v, chain, params, texture_of, footprints, colors),
+        (Pixels::U16(v), 2) => run::<u16, 2>(v, chain, params, texture_of, footprints, colors),
+        (Pixels::U16(v), 3) => run::<u16, 3>(v, chain, params, texture_of, footprints, colors),
+        (Pixels::U16(v), _) => run::<u16, 4>(v, chain, params, texture_of, footprints, colors),
+        (Pixels::F32(v), 1) => run::<f32, 1>(v, chain, params, texture_of, footprints, colors),
+        (Pixels::F32(v), 2) => run::<f32, 2>(v, chain, params, texture_of, footprints, colors),
+        (Pixels::F32(v), 3) => run::<f32, 3>(v, chain, params, texture_of, footprints, colors),
+        (Pixels::F32(v), _) => run::<f32, 4>(v, chain, params, texture_of, footprints, colors),
+    }
+}
+
+fn run<T: Sample, const C: usize>(
+    base: &[T],
+    chain: &MipChain<'_>,
+    params: &SampleParams,
+    texture_of: &[u32],
+    footprints: &[Footprint],
+    colors: &mut [f32],
+) {
+    let stride = params.channels as usize;
+    let texture = Texture::<T, C> {
+        base,
+        size: [chain.image.width, chain.image.height],
+        levels: &chain.levels,
+        encoding: chain.encoding,
+    };
+    footprints.par_chunks(TASK).zip(colors.par_chunks_mut(TASK * stride)).for_each(|(footprints, colors)| {
+        for (f, out) in footprints.iter().zip(colors.chunks_exact_mut(stride)) {
+            if f.face != NONE && texture_of[f.face as usize] == params.texture {
+                widen(&texture.sample(f, params), out);
+            }
+        }
+    });
+}
+
+/// Writes a colour into a wider one: grey to all of RGB, alpha 1 where there was none.
+fn widen<const C: usize>(color: &[f32; C], out: &mut [f32]) {
+    match (C, out.len()) {
+        (1, n) => {
+            out.fill(color[0]);
+            if n.is_multiple_of(2) {
+                out[n - 1] = 1.0;
+            }
+        }
+        (2, 4) => {
+            out[..3].fill(color[0]);
+            out[3] = color[1];
+        }
+        (3, 4) => {
+            out[..3].copy_from_slice(color);
+            out[3] = 1.0;
+        }
+        _ => out.copy_from_slice(color),
+    }
+}
+
+/// The level and the taps of a footprint, in texels of level 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Taps {
+    /// Where they are centred.
+    centre: [f32; 2],
+    /// Level of the mip chain, with fraction.
+    level: f32,
+    /// Number of taps.
+    count: u32,
+    /// The wide side of the ellipse, over which they are spread.
+    wide: [f32; 2],
+}
+
+impl Taps {
+    #[inline]
+    fn new(f: &Footprint, size: [u32; 2], params: &SampleParams) -> Self {
+        let s = size.map(|n| n as f32);
+        let centre = [f.centre[0] * s[0], f.centre[1] * s[1]];
+        if params.filter == Filter::Bilinear {
+            return Self { centre, level: 0.0, count: 1, wide: [0.0; 2] };
+        }
+        let (dx, dy) = ([f.dx[0] * s[0], f.dx[1] * s[1]], [f.dy[0] * s[0], f.dy[1] * s[1]]);
+        // Eigenvalues of M M^T are the squares of the widths.
+        let (a, b, c) = (dx[0] * dx[0] + dy[0] * dy[0], dx[0] * dx[1] + dy[0] * dy[1], dx[1] * dx[1] + dy[1] * dy[1]);
+        let (mean, half) = (0.5 * (a + c), 0.5 * (a - c));
+        let root = (half * half + b * b).sqrt();
+        let wide = (mean + root).sqrt();
+        if !(wide > 1.0 + SLACK) {
+            return Self { centre, level: 0.0, count: 1, wide: [0.0; 2] };
+        }
+        // The product of the widths is the determinant: no cancellation.
+        let narrow = ((dx[0] * dy[1] - dx[1] * dy[0]).abs() / wide).max(1.0);
+        let narrow = if narrow <= 1.0 + SLACK { 1.0 } else { narrow };
+        if params.filter == Filter::Trilinear {
+            return Self { centre, level: wide.log2(), count: 1, wide: [0.0; 2] };
+        }
+        let most = params.taps.clamp(1, 16) as f32;
+        let count = (wide / narrow - SLACK).ceil().clamp(1.0, most);
+        let level = narrow.max(wide / most).log2();
+        let axis = if half >= 0.0 { [half + root, b] } else { [b, root - half] };
+        let length = (axis[0] * axis[0] + axis[1] * axis[1]).sqrt();
+        let wide = if length > 0.0 { [axis[0] / length * wide, axis[1] / length * wide] } else { [wide, 0.0] };
+        Self { centre, level, count: count as u32, wide }
+    }
+}
+
+struct Texture<'a, T, const C: usize> {
+    base: &'a [T],
+    size: [u32; 2],
+    levels: &'a [Level],
+    encoding: Encoding,
+}
+
+impl<T: Sample, const C: usize> Texture<'_, T, C> {
+    fn sample(&self, f: &Footprint, params: &SampleParams) -> [f32; C] {
+        let taps = Taps::new(f, self.size, params);
+        let level = taps.level.min(self.levels.len() as f32);
+        let lower = level.floor();
+        let fraction = level - lower;
+        let mut sum = [0.0; C];
+        let share = 1.0 / taps.count as f32;
+        for i in 0..taps.count {
+            let t = (i as f32 + 0.5) * share - 0.5;
+            let p = [taps.centre[0] + t * taps.wide[0], taps.centre[1] + t * taps.wide[1]];
+            let mut color = self.bilinear(lower as usize, p);
+            if fraction > 0.0 {
+                let above = self.bilinear(lower as usize + 1, p);
+                for c in 0..C {
+                    color[c] += fraction * (above[c] - color[c]);
+                }
+            }
+            for c in 0..C {
+                sum[c] += share * color[c];
+            }
+        }
+        sum
+    }
+
+    /// The four texels of a level around a point given in texels of level 0; the texture repeats.
+    #[inline]
+    fn bilinear(&self, level: usize, p: [f32; 2]) -> [f32; C] {
+        if level == 0 {
+            bilinear(self.size, p, |t| self.encoding.decode::<T, C>(&self.base[t * C..t * C + C]))
+        } else {
+            let l = &self.levels[level - 1];
+            let q = [0, 1].map(|a| p[a] * ([l.width, l.height][a] as f32 / self.size[a] as f32));
+            bilinear([l.width, l.height], q, |t| {
+                let mut texel = [0.0; C];
+                texel.copy_from_slice(&l.texels[t * C..t * C + C]);
+                texel
+            })
+        }
+    }
+}
+
+/// `index` modulo `n`, not negative.
+#[inline]
+fn wrap(index: i32, n: u32) -> usize {
+    if (0..n as i32).contains(&index) { index as usize } else { index.rem_euclid(n as i32) as usize }
+}
+
+#[inline]
+fn bilinear<const C: usize>(size: [u32; 2], p: [f32; 2], texel: impl Fn(usize) -> [f32; C]) -> [f32; C] {
+    let x = p[0] - 0.5;
+    let y = p[1] - 0.5;
+    let (fx, fy) = (x.floor(), y.floor());
+    let (wx, wy) = (x - fx, y - fy);
+    let columns = [wrap(fx as i32, size[0]), wrap((fx as i32).saturating_add(1), size[0])];
+    let rows = [wrap(fy as i32, size[1]), wrap((fy as i32).saturating_add(1), size[1])];
+    let w = size[0] as usize;
+    let t = rows.map(|r| columns.map(|c| texel(r * w + c)));
+    let mut out = [0.0; C];
+    for c in 0..C {
+        let top = t[0][0][c] + wx * (t[0][1][c] - t[0][0][c]);
+        let bottom = t[1][0][c] + wx * (t[1][1][c] - t[1][0][c]);
+        out[c] = top + wy * (bottom - top);
+    }
+    out
+}

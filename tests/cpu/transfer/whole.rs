@@ -1,0 +1,168 @@
+//! Whole transfers through simple maps.
+
+use barymap::geometry::{Mesh, NONE};
+use barymap::progress::Quiet;
+use barymap::raster::{Image, Pixels};
+use barymap::surface::{PackedImage, PackedPoint, PointMap, Status};
+use barymap::tools::transfer::{
+    Alpha, Background, Filter, Layer, TransferOptions, TransferOutput, UvRegion, coverage, memory_needed, transfer,
+};
+use barymap::{Error, Result};
+use glam::DVec2;
+
+use super::{Random, grid, soup};
+
+/// Every point is its own image.
+struct Identity;
+
+impl PointMap for Identity {
+    fn map(&self, points: &[PackedPoint], images: &mut Vec<PackedImage>) -> Result<()> {
+        images.clear();
+        images.extend(points.iter().map(|p| PackedImage {
+            face: p.face,
+            b0: p.b0,
+            b1: p.b1,
+            confidence: 1.0,
+            status: Status::Valid as u32,
+        }));
+        Ok(())
+    }
+}
+
+/// A function of the unit square from a flat target to a flat source, both with their texture coordinates as positions.
+struct Planar<'a, F> {
+    source: &'a Mesh,
+    target: &'a Mesh,
+    function: F,
+}
+
+impl<F: Fn(DVec2) -> (DVec2, Status) + Sync> PointMap for Planar<'_, F> {
+    fn map(&self, points: &[PackedPoint], images: &mut Vec<PackedImage>) -> Result<()> {
+        images.clear();
+        for p in points {
+            let at = p.unpack().position(self.target).truncate();
+            let (q, status) = (self.function)(at);
+            let found = (0..self.source.triangle_count()).find_map(|t| {
+                let [a, b, c] = self.source.triangle_positions(t).map(|p| p.truncate());
+                let area = (b - a).perp_dot(c - a);
+                let w = [(b - q).perp_dot(c - q) / area, (c - q).perp_dot(a - q) / area];
+                (w[0] >= -1e-9 && w[1] >= -1e-9 && w[0] + w[1] <= 1.0 + 1e-9).then_some((t as u32, w))
+            });
+            images.push(match found {
+                Some((face, b)) => {
+                    PackedImage { face, b0: b[0] as f32, b1: b[1] as f32, confidence: 1.0, status: status as u32 }
+                }
+                None => PackedImage::NOWHERE,
+            });
+        }
+        Ok(())
+    }
+}
+
+fn noise(width: u32, height: u32, channels: u32, seed: u64) -> Image {
+    let mut r = Random(seed);
+    let samples = (0..width * height * channels).map(|_| r.next() as u8).collect();
+    Image::new(width, height, channels, Pixels::U8(samples)).expect("picture")
+}
+
+fn options(width: u32, height: u32) -> TransferOptions {
+    TransferOptions { width, height, ..TransferOptions::default() }
+}
+
+fn run(source: &Mesh, image: &Image, target: &Mesh, map: &dyn PointMap, options: &TransferOptions) -> TransferOutput {
+    transfer(source, &[Layer::single("colour", image)], target, map, options, &Quiet).expect("transfer")
+}
+
+fn bytes(image: &Image) -> &[u8] {
+    match &image.pixels {
+        Pixels::U8(v) => v,
+        _ => panic!("8 bits expected"),
+    }
+}
+
+/// Stretches a grid in space only, unevenly, so that texture and surface differ in scale from triangle to triangle.
+fn uneven(n: usize) -> Mesh {
+    let mut mesh = grid(n, 0.8, 4);
+    for p in &mut mesh.positions {
+        *p = glam::DVec3::new(p.x * p.x + 0.1 * p.x, 0.3 * p.y, (3.0 * p.x).sin() * 0.2);
+    }
+    mesh
+}
+
+#[test]
+fn the_identity_reproduces_the_texture() {
+    let meshes = [grid(6, 0.8, 1), uneven(6), soup(&[[[0.1, 0.1], [0.9, 0.2], [0.4, 0.8]]])];
+    for mesh in &meshes {
+        for (w, h) in [(1, 1), (2, 2), (15, 15), (16, 16), (17, 17), (1000, 3), (128, 200)] {
+            for channels in [1, 3] {
+                let image = noise(w, h, channels, 9);
+                let opaque = TransferOptions { background: Background::Color([0.0; 4]), margin: 0, ..options(w, h) };
+                let out = run(mesh, &image, mesh, &Identity, &opaque);
+                let (a, b) = (bytes(&image), bytes(&out.layers[0]));
+                let c = bytes(&out.coverage);
+                let rows = mesh.name == "grid";
+                assert!(!rows || c.iter().all(|&c| c == coverage::VALID));
+                if rows {
+                    let worst = a.iter().zip(b).map(|(&a, &b)| a.abs_diff(b)).max();
+                    assert!(worst <= Some(1), "{w}x{h}x{channels}: off by {worst:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn depths_are_kept() {
+    let mesh = grid(3, 0.5, 1);
+    let mut r = Random(2);
+    let sixteen: Vec<u16> = (0..32 * 32).map(|_| r.next() as u16).collect();
+    let floats: Vec<f32> = (0..32 * 32).map(|_| (r.unit() * 100.0) as f32).collect();
+    let layers = [
+        Image::new(32, 32, 1, Pixels::U16(sixteen.clone())).expect("picture"),
+        Image::new(32, 32, 1, Pixels::F32(floats.clone())).expect("picture"),
+    ];
+    let options = TransferOptions { background: Background::Color([0.0; 4]), ..options(32, 32) };
+    let layers: Vec<Layer<'_>> = layers.iter().map(|i| Layer::single("layer", i)).collect();
+    let out = transfer(&mesh, &layers, &mesh, &Identity, &options, &Quiet).expect("transfer");
+    match (&out.layers[0].pixels, &out.layers[1].pixels) {
+        (Pixels::U16(a), Pixels::F32(b)) => {
+            // Positions are good to 1e-5 texel, samples to that times their differences.
+            assert!(a.iter().zip(&sixteen).all(|(a, b)| a.abs_diff(*b) <= 2));
+            assert!(b.iter().zip(&floats).all(|(a, b)| (a - b).abs() < 2e-3));
+        }
+        other => panic!("depths changed: {other:?}"),
+    }
+}
+
+#[test]
+fn bands_and_threads_do_not_show() {
+    let (source, target) = (grid(5, 0.6, 1), grid(8, 0.8, 2));
+    let image = noise(64, 64, 4, 3);
+    let map = Planar {
+        source: &source,
+        target: &target,
+        function: |p: DVec2| {
+            let status = if p.x + p.y > 1.2 { Status::Doubtful } else { Status::Valid };
+            (DVec2::new(0.1 + 0.7 * p.y, 0.9 - 0.8 * p.x * p.x), status)
+        },
+    };
+    for supersample in [1, 2] {
+        let free = TransferOptions { supersample, ..options(150, 130) };
+        let layer = [Layer::single("colour", &image)];
+        let all = run(&source, &image, &target, &map, &free);
+        assert_eq!(all.stats.bands, 1);
+        let least = memory_needed(&source, &layer, &target, &free);
+        let mut tight = free.clone();
+        tight.memory = least;
+        let banded = run(&source, &image, &target, &map, &tight);
+        assert_eq!(banded.stats.bands, 130);
+        assert!(banded.stats.memory <= least);
+        assert_eq!((&all.layers, &all.coverage), (&banded.layers, &banded.coverage));
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("pool");
+        let single = pool.install(|| run(&source, &image, &target, &map, &free));
+        assert_eq!((&all.layers, &all.coverage), (&single.layers, &single.coverage));
+        tight.memory = least - 1;
+        let refused = transfer(&source, &layer, &target, &map, &tight, &Quiet);
+        assert!(matches!(refused, Err(Error::Memory { required, .. }) if required == least));
+    }
+}
