@@ -91,11 +91,7 @@ fn candidates() -> Vec<wgpu::Adapter> {
 
 /// The adapters of this machine, best first. Empty where no driver is installed.
 pub(super) fn list() -> Vec<AdapterSummary> {
-    candidates()
-        .iter()
-        .enumerate()
-        .map(|(i, a)| AdapterSummary::of(&a.get_info(), &a.limits(), i == 0))
-        .collect()
+    candidates().iter().enumerate().map(|(i, a)| AdapterSummary::of(&a.get_info(), &a.limits(), i == 0)).collect()
 }
 
 /// The best adapter, or the best whose name contains `wanted` (case aside).

@@ -223,12 +223,7 @@ impl Gpu {
         (size_of::<Span>() as u32).next_multiple_of(self.capabilities.uniform_alignment.max(1))
     }
 
-    pub(super) fn allocate(
-        &self,
-        label: &str,
-        bytes: u64,
-        usage: wgpu::BufferUsages,
-    ) -> Result<(wgpu::Buffer, Share)> {
+    pub(super) fn allocate(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<(wgpu::Buffer, Share)> {
         let size = bytes.max(LEAST).next_multiple_of(4);
         if size > self.capabilities.max_buffer {
             return Err(Error::Capability {

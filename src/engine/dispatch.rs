@@ -45,8 +45,7 @@ impl Gpu {
     /// [`Error::Device`] after the time limit of the engine's options, or if the device is lost.
     pub fn wait(&self, submission: &Submission) -> Result<()> {
         self.check()?;
-        let wait =
-            wgpu::PollType::Wait { submission_index: Some(submission.0.clone()), timeout: Some(self.timeout) };
+        let wait = wgpu::PollType::Wait { submission_index: Some(submission.0.clone()), timeout: Some(self.timeout) };
         match self.device.poll(wait) {
             Ok(_) => self.check(),
             Err(e) => {
@@ -149,13 +148,7 @@ impl Batch<'_> {
     ///
     /// # Errors
     /// As [`Batch::dispatch`].
-    pub fn dispatch_range(
-        &mut self,
-        pipeline: &Pipeline,
-        group: &BindGroup,
-        first: u32,
-        items: u32,
-    ) -> Result<()> {
+    pub fn dispatch_range(&mut self, pipeline: &Pipeline, group: &BindGroup, first: u32, items: u32) -> Result<()> {
         let (span, groups) = match Span::grid(pipeline.kernel, first, items, self.gpu.capabilities.max_groups) {
             _ if items == 0 => return Ok(()),
             Some(grid) => grid,
@@ -194,10 +187,9 @@ impl Batch<'_> {
             return Err(fault(kernel, &format!("more than {} different dispatches in a batch", group.slots)));
         }
         let offset = slot as u32 * self.gpu.span_stride();
-        let mut pass = self.encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-            label: Some(kernel.name),
-            timestamp_writes: None,
-        });
+        let mut pass = self
+            .encoder
+            .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(kernel.name), timestamp_writes: None });
         pass.set_pipeline(&pipeline.pipeline);
         pass.set_bind_group(0, &group.raw, &[offset]);
         pass.dispatch_workgroups(x, y, 1);

@@ -141,7 +141,8 @@ impl Gpu {
             None => Ok(()),
             Some(what) => Err(Error::Device {
                 what: what.clone(),
-                remedy: "Start again, or use --backend cpu; if it returns, a smaller --memory makes smaller tiles".into(),
+                remedy: "Start again, or use --backend cpu; if it returns, a smaller --memory makes smaller tiles"
+                    .into(),
             }),
         }
     }

@@ -5,7 +5,6 @@
 //! belongs to, binds typed [`Buffer`]s and dispatches it. Every entry point returns an error, never a panic, when a
 //! device is missing, lost, or too small.
 
-pub mod lane;
 mod adapter;
 mod buffer;
 mod canary;
@@ -14,6 +13,7 @@ mod compact;
 mod dispatch;
 mod gpu;
 mod kernel;
+pub mod lane;
 mod options;
 pub mod readback;
 pub mod real;
@@ -22,7 +22,6 @@ pub mod reflect;
 mod shader;
 mod start;
 
-pub use lane::{Lane, LaneScalar, Lanes, Sweep, TILE};
 pub use adapter::AdapterSummary;
 pub use buffer::{BindGroup, Binding, Buffer, PingPong, UniformBlocks};
 pub use capability::Capabilities;
@@ -30,6 +29,7 @@ pub use compact::{Compaction, Matching};
 pub use dispatch::{Batch, Submission};
 pub use gpu::{Gpu, Pipeline};
 pub use kernel::{BindingKind, GROUP, Kernel, Layout, SPAN_LAYOUT, Span, UNIFORM_BLOCK};
+pub use lane::{Lane, LaneScalar, Lanes, Sweep, TILE};
 pub use options::{Backend, DeviceLimits, EngineOptions};
 pub use readback::ReadbackRing;
 pub use real::Real;

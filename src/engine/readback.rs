@@ -100,7 +100,10 @@ impl<'a, T: Pod> ReadbackRing<'a, T> {
                 what: format!("results could not be read back: {e}"),
                 remedy: "Start again, or use --backend cpu".into(),
             };
-            p.mapped.recv_timeout(self.gpu.timeout).map_err(|e| lost(e.to_string()))?.map_err(|e| lost(e.to_string()))?;
+            p.mapped
+                .recv_timeout(self.gpu.timeout)
+                .map_err(|e| lost(e.to_string()))?
+                .map_err(|e| lost(e.to_string()))?;
             let view = p.slot.raw.get_mapped_range(0..p.bytes).map_err(|e| lost(e.to_string()))?;
             bytemuck::cast_slice_mut::<T, u8>(&mut values).copy_from_slice(&view);
             drop(view);

@@ -17,7 +17,7 @@ mod theory;
 pub mod vector;
 
 pub use anchors::AnchorPairs;
-pub use nearest_vertex::NearestVertex;
 pub use embedding::{Embedding, EmbeddingOptions, Sampling};
+pub use nearest_vertex::NearestVertex;
 pub use packed::{PackedImage, PackedPoint, PointMap, Status};
 pub use phong_surface::PhongSurface;

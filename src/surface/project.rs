@@ -203,7 +203,13 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
         }
         let searched = self.search(mean, v, limits.triangles);
         match (walked, searched) {
-            (Some(a), Some(b)) => if b.distance_squared < a.distance_squared { b } else { a },
+            (Some(a), Some(b)) => {
+                if b.distance_squared < a.distance_squared {
+                    b
+                } else {
+                    a
+                }
+            }
             (a, b) => a.or(b).unwrap_or_else(|| self.guess(mean, v)),
         }
     }

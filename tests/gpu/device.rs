@@ -25,8 +25,12 @@ fn adapters_are_listed_and_found_by_part_of_their_name() {
     let list = Engine::adapters();
     assert_eq!(list.iter().filter(|a| a.preferred).count(), 1);
     let part: String = list[0].name.to_uppercase().chars().take(5).collect();
-    let options =
-        EngineOptions { backend: Backend::Gpu, adapter: Some(part), cpu_stages: vec!["x".into()], ..Default::default() };
+    let options = EngineOptions {
+        backend: Backend::Gpu,
+        adapter: Some(part),
+        cpu_stages: vec!["x".into()],
+        ..Default::default()
+    };
     let found = Engine::new(options).unwrap();
     assert_eq!(found.description().name, list[0].name);
     assert!(found.gpu_for("x").is_none() && found.gpu_for("y").is_some());

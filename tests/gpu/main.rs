@@ -30,7 +30,10 @@ fn shared(limits: DeviceLimits, cell: &'static OnceLock<Option<Engine>>) -> Opti
     if engine.is_none() {
         let n = SKIPPED.fetch_add(1, Ordering::Relaxed) + 1;
         eprintln!("SKIPPED: no adapter ({n} so far)");
-        assert!(std::env::var_os("BARYMAP_REQUIRE_GPU").is_none(), "BARYMAP_REQUIRE_GPU is set and there is no adapter");
+        assert!(
+            std::env::var_os("BARYMAP_REQUIRE_GPU").is_none(),
+            "BARYMAP_REQUIRE_GPU is set and there is no adapter"
+        );
     }
     engine.as_ref()
 }

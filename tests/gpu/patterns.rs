@@ -71,15 +71,17 @@ fn compaction_keeps_the_order() {
         let all = vec![[0, 7, 0]; 2 * RUN + 1];
         assert_eq!(compacted(gpu, &all, all.len()).len(), all.len());
         assert_eq!(compacted(gpu, &all, RUN + 1), (0..=RUN as u32).collect::<Vec<_>>());
-        assert!(Compaction::new(gpu, &gpu.upload("x", &[0u32; 3]).unwrap(), 1, Matching {
-            stride: 3,
-            offset: 1,
-            value: 7,
-            unused: 0
-        })
-        .unwrap()
-        .record(&mut gpu.batch().unwrap(), 2)
-        .is_err());
+        assert!(
+            Compaction::new(
+                gpu,
+                &gpu.upload("x", &[0u32; 3]).unwrap(),
+                1,
+                Matching { stride: 3, offset: 1, value: 7, unused: 0 }
+            )
+            .unwrap()
+            .record(&mut gpu.batch().unwrap(), 2)
+            .is_err()
+        );
     }
 }
 
@@ -150,9 +152,8 @@ fn steps_ping_pong_in_one_submission() {
                 batch.dispatch(&step, pair.step(), n).unwrap();
             }
             batch.submit().unwrap();
-            let expected: Vec<u32> = (0..n as u32)
-                .map(|i| (0..201).fold(0u32, |x, _| x.wrapping_mul(3).wrapping_add(i)))
-                .collect();
+            let expected: Vec<u32> =
+                (0..n as u32).map(|i| (0..201).fold(0u32, |x, _| x.wrapping_mul(3).wrapping_add(i))).collect();
             assert_eq!(gpu.read(pair.newest(), 0..n).unwrap(), expected, "{n} items");
         }
     }
