@@ -1,6 +1,7 @@
 //! Shapes in double precision: no graphics device and no paper is known here.
 
 pub mod closest;
+pub mod diagnosis;
 pub mod geodesics;
 pub mod laplacian;
 pub mod mesh;
@@ -10,6 +11,7 @@ pub mod surface_point;
 pub mod topology;
 
 pub use closest::ClosestPoints;
+pub use diagnosis::Diagnosis;
 pub use geodesics::{Geodesics, March};
 pub use laplacian::{Laplacian, SparseRows};
 pub use mesh::{Corner, Material, Mesh, MeshBuilder, NONE};

@@ -279,3 +279,98 @@ impl Placement {
         DVec2::new(uv.x, 1.0 - uv.y)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use serde_json::{Value, json};
+
+    use super::*;
+
+    /// A triangle in an embedded buffer: three positions, then indices 0 1 2 as bytes.
+    fn triangle() -> Value {
+        json!({
+            "asset": {"version": "2.0"},
+            "scene": 0,
+            "scenes": [{"nodes": [0]}],
+            "nodes": [{"mesh": 0}],
+            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+            "accessors": [
+                {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
+                {"bufferView": 0, "byteOffset": 36, "componentType": 5121, "count": 3, "type": "SCALAR"}
+            ],
+            "bufferViews": [{"buffer": 0, "byteLength": 39}],
+            "buffers": [{"byteLength": 39, "uri":
+                "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAAAAEC"}]
+        })
+    }
+
+    fn read(value: &Value) -> Result<LoadedMesh> {
+        parse_gltf(value.to_string().as_bytes(), Path::new("test.gltf"))
+    }
+
+    #[test]
+    fn transforms_multiply_and_reflections_turn_faces() {
+        let mut value = triangle();
+        value["nodes"] = json!([
+            {"children": [1, 2], "translation": [0, 0, 5], "rotation": [0, 0, 0.70710678, 0.70710678]},
+            {"mesh": 0, "scale": [2, 2, 2]},
+            {"mesh": 0, "matrix": [-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 7, 0, 0, 1]}
+        ]);
+        let mesh = read(&value).unwrap().mesh;
+        assert_eq!((mesh.triangle_count(), mesh.vertex_count()), (2, 6));
+        assert!(mesh.positions[1].distance(DVec3::new(0.0, 2.0, 5.0)) < 1e-6);
+        assert!(mesh.positions[3].distance(DVec3::new(0.0, 7.0, 5.0)) < 1e-6);
+        assert_eq!(mesh.triangle(1), [3, 5, 4]);
+        assert!(mesh.triangle_area_normal(0).z > 0.0 && mesh.triangle_area_normal(1).z > 0.0);
+    }
+
+    #[test]
+    fn strips_fans_and_sparse_data() {
+        let mut value = triangle();
+        value["meshes"][0]["primitives"][0]["mode"] = 5.into();
+        value["accessors"][0]["sparse"] = json!({"count": 1,
+            "indices": {"bufferView": 0, "byteOffset": 37, "componentType": 5121}, "values": {"bufferView": 0, "byteOffset": 24}});
+        let mesh = read(&value).unwrap().mesh;
+        assert_eq!(mesh.triangles(), [[0, 1, 1]], "vertex 1 is moved onto vertex 2, and the two are joined");
+    }
+
+    #[test]
+    fn faults_are_named() {
+        for (pointer, new, expected) in [
+            ("/extensionsRequired", json!(["KHR_draco_mesh_compression"]), "compressed"),
+            ("/extensionsRequired", json!(["VENDOR_thing"]), "VENDOR_thing"),
+            ("/nodes/0/mesh", json!(7), "no mesh 7"),
+            ("/nodes/0/children", json!([0]), "two parents"),
+            ("/scenes/0/nodes", json!([3]), "no node 3"),
+            ("/accessors/0/count", json!(4), "beyond the 39 bytes"),
+            ("/accessors/0/count", json!(u64::MAX), "beyond the 39 bytes"),
+            ("/accessors/0/type", json!("VEC2"), "VEC2"),
+            ("/accessors/0/bufferView", json!(9), "no buffer view 9"),
+            ("/accessors/1/count", json!(2), "no face with three"),
+            ("/bufferViews/0/byteStride", json!(0), "beyond"),
+            ("/bufferViews/0/byteLength", json!(40), "beyond the 39 bytes of buffer 0"),
+            ("/buffers/0/uri", json!("data:;base64,@@"), "base64"),
+            ("/buffers/0/uri", json!("http://x/y.bin"), "http"),
+            ("/buffers/0/uri", json!("gone.bin"), "gone.bin"),
+            ("/buffers/0/uri", json!(null), "buffer 0 has no data"),
+            ("/meshes/0/primitives/0/attributes", json!({}), "no positions"),
+            ("/meshes/0/primitives/0/mode", json!(1), "no face with three"),
+            ("/meshes", json!("x"), "JSON"),
+        ] {
+            let mut value = triangle();
+            let parent = pointer.rsplit_once('/').unwrap();
+            value.pointer_mut(parent.0).unwrap()[parent.1] = new;
+            let message = read(&value).unwrap_err().to_string();
+            assert!(message.contains(expected), "{pointer}: {message:?} lacks {expected:?}");
+        }
+        let mut many = triangle();
+        many["nodes"] = (0..100_000).map(|_| json!({"mesh": 0})).collect();
+        many["scenes"][0]["nodes"] = (0..100_000).collect();
+        assert!(read(&many).is_ok());
+        let mut children = triangle();
+        children["meshes"] = json!([{"primitives": vec![triangle()["meshes"][0]["primitives"][0].clone(); 1000]}]);
+        children["nodes"] = (0..10_000).map(|_| json!({"mesh": 0})).collect();
+        children["scenes"][0]["nodes"] = (0..10_000).collect();
+        assert!(read(&children).unwrap_err().to_string().contains("expand"));
+    }
+}

@@ -231,3 +231,88 @@ fn vertex_normals(mesh: &Mesh) -> Vec<DVec3> {
     }
     normals.into_iter().map(|n| n.try_normalize().unwrap_or(DVec3::Z)).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Corner, MeshBuilder};
+    use crate::io::gltf_read::parse_gltf;
+    use crate::io::image_file::{Depth, Image, decode_image, encode_png};
+
+    /// Two textured triangles with a seam between them, one of the second material, and one that repeats a vertex.
+    fn seamed() -> Mesh {
+        let mut builder = MeshBuilder::new("seamed");
+        let mesh = &mut builder.mesh;
+        mesh.positions = vec![DVec3::ONE * 9.0, DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::new(1.0, 1.0, 0.0), DVec3::Z];
+        mesh.texcoords = vec![DVec2::new(0.0, 0.25), DVec2::X, DVec2::Y, DVec2::new(0.5, 0.5)];
+        mesh.materials = vec![Default::default(), Default::default()];
+        let corner = |vertex, texcoord| Corner { vertex, texcoord, normal: NONE };
+        builder.material = 0;
+        builder.polygon([corner(1, 0), corner(2, 1), corner(3, 2)]);
+        builder.polygon([corner(3, 2), corner(2, 3), corner(4, 0)]);
+        builder.polygon([corner(3, 2), corner(3, 3), corner(4, 0)]);
+        builder.material = 1;
+        builder.polygon([corner(1, NONE), corner(3, NONE), corner(5, NONE)]);
+        builder.build()
+    }
+
+    #[test]
+    fn the_written_file_is_valid_and_reads_back() {
+        let png = encode_png(&Image::new(3, 2, 3, Depth::U8)).unwrap();
+        let materials = [
+            GlbMaterial { name: "a".into(), base_color: [1.0; 4], texture: Some(png.clone()) },
+            GlbMaterial { name: "b".into(), base_color: [0.5, 0.25, 0.0, 1.0], texture: None },
+        ];
+        let mesh = seamed();
+        let bytes = glb_bytes(&mesh, &materials).unwrap();
+        // An independent reader validates the document and decodes it.
+        let (document, buffers, images) = ::gltf::import_slice(&bytes).unwrap();
+        assert_eq!((images.len(), images[0].width, document.materials().len()), (1, 3, 2));
+        let primitives: Vec<_> = document.meshes().next().unwrap().primitives().collect();
+        assert_eq!(primitives.len(), 2);
+        let reader = primitives[0].reader(|b| Some(&buffers[b.index()]));
+        // Vertices 1, 2, 3, 4, and vertex 2 once more on the other side of the seam.
+        assert_eq!(reader.read_positions().unwrap().count(), 5);
+        assert_eq!(reader.read_indices().unwrap().into_u32().count(), 6);
+        assert!(reader.read_normals().unwrap().all(|n| (n.iter().map(|x| x * x).sum::<f32>() - 1.0).abs() < 1e-5));
+        let bounds = primitives[0].bounding_box();
+        assert_eq!((bounds.min, bounds.max), ([0.0; 3], [1.0, 1.0, 0.0]));
+        assert!(primitives[1].get(&::gltf::Semantic::TexCoords(0)).is_none());
+
+        let back = parse_gltf(&bytes, Path::new("x.glb")).unwrap();
+        assert_eq!(back.mesh.triangle_count(), 3);
+        for (t, original) in [0, 1, 3].into_iter().enumerate() {
+            assert_eq!(back.mesh.triangle_positions(t), mesh.triangle_positions(original));
+            assert_eq!(back.mesh.triangle_texcoords(t), mesh.triangle_texcoords(original));
+            assert_eq!(back.mesh.triangle_material(t), mesh.triangle_material(original));
+        }
+        // The seam does not cut the surface.
+        assert_eq!(back.mesh.triangle(0)[1], back.mesh.triangle(1)[1]);
+        assert!(back.warnings[0].contains("joined"), "{:?}", back.warnings);
+        let embedded = back.mesh.materials[0].embedded_texture.clone().unwrap();
+        assert_eq!(*embedded, png[..]);
+        assert_eq!(decode_image(&embedded, "embedded").unwrap().width(), 3);
+        assert_eq!(back.mesh.materials[1].base_color, [0.5, 0.25, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn one_material_covers_all_and_faults_are_refused() {
+        let one = [GlbMaterial { name: "all".into(), base_color: [1.0; 4], texture: None }];
+        for materials in [&one[..], &[]] {
+            let bytes = glb_bytes(&seamed(), materials).unwrap();
+            let (document, ..) = ::gltf::import_slice(&bytes).unwrap();
+            assert_eq!(document.meshes().next().unwrap().primitives().len(), 1);
+        }
+        assert!(glb_bytes(&Mesh::default(), &one).is_err());
+        let far = Mesh::from_triangles("far", vec![DVec3::X * 1e300, DVec3::Y, DVec3::Z], &[[0, 1, 2]]);
+        assert!(glb_bytes(&far, &one).unwrap_err().to_string().contains("vertex 0"));
+    }
+
+    #[test]
+    fn every_truncation_is_an_error() {
+        let bytes = glb_bytes(&seamed(), &[]).unwrap();
+        for length in 0..bytes.len() {
+            assert!(parse_gltf(&bytes[..length], Path::new("cut.glb")).is_err(), "cut at {length}");
+        }
+    }
+}

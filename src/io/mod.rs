@@ -6,20 +6,38 @@
 
 pub mod anchors;
 mod assemble;
+pub mod cache;
 mod gltf_document;
 pub mod gltf_read;
 pub mod gltf_write;
 pub mod image_file;
 mod material_library;
+pub mod npy;
 pub mod obj;
 pub mod obj_write;
 pub mod off;
 pub mod output;
 pub mod ply;
 mod ply_header;
+pub mod ply_write;
+pub mod points;
+pub mod report;
 mod source;
 
+use std::io::Read;
+use std::path::Path;
+
 use crate::geometry::Mesh;
+use crate::{Error, Result};
+
+pub use anchors::{AnchorList, AnchorPairs, AnchorSpec, ResolvedAnchor};
+pub use cache::{Cache, CacheKey};
+pub use gltf_write::{GlbMaterial, write_glb};
+pub use image_file::{Depth, Image, Samples, read_image, write_image};
+pub use obj_write::write_obj;
+pub use output::{check_writable, write_atomically};
+pub use ply_write::write_ply;
+pub use report::write_report;
 
 /// A mesh read from a file, with what was passed over or mended on the way.
 #[derive(Clone, Debug)]
@@ -28,4 +46,102 @@ pub struct LoadedMesh {
     pub mesh: Mesh,
     /// One sentence each; empty for a clean file.
     pub warnings: Vec<String>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum MeshFormat {
+    Obj,
+    Ply,
+    Off,
+    Gltf,
+}
+
+/// Reads a mesh from an OBJ, PLY, OFF, glTF or GLB file.
+///
+/// The content decides where it is unmistakable, else the extension. See [`obj`], [`ply`], [`off`] and [`gltf_read`] for what is kept.
+///
+/// # Errors
+/// [`Error::Io`]; [`Error::Format`] with the line or element and the remedy.
+pub fn read_mesh(path: impl AsRef<Path>) -> Result<LoadedMesh> {
+    let path = path.as_ref();
+    let mut head = Vec::new();
+    let read = source::open(path)?.take(256).read_to_end(&mut head);
+    read.map_err(|e| Error::io(path, e, "Check that the file may be read"))?;
+    let by_content = sniff(&head);
+    let by_name = by_extension(path);
+    let format = by_content.or(by_name).ok_or_else(|| {
+        let what = if head.is_empty() { "the file is empty" } else { "this is not a mesh of a known kind" };
+        Error::format(path, None, what, "Convert it to OBJ, PLY, OFF, glTF or GLB")
+    })?;
+    let mut loaded = match format {
+        MeshFormat::Obj => obj::read_obj(path),
+        MeshFormat::Ply => ply::read_ply(path),
+        MeshFormat::Off => off::read_off(path),
+        MeshFormat::Gltf => gltf_read::read_gltf(path),
+    }?;
+    if by_name.is_some_and(|named| named != format) {
+        loaded.warnings.push(format!("the content is {format:?}, whatever the extension says"));
+    }
+    Ok(loaded)
+}
+
+fn by_extension(path: &Path) -> Option<MeshFormat> {
+    let extension = path.extension()?.to_string_lossy().to_ascii_lowercase();
+    Some(match extension.as_str() {
+        "obj" => MeshFormat::Obj,
+        "ply" => MeshFormat::Ply,
+        "off" | "coff" | "noff" | "stoff" => MeshFormat::Off,
+        "gltf" | "glb" => MeshFormat::Gltf,
+        _ => return None,
+    })
+}
+
+/// The format whose opening mark is there.
+fn sniff(head: &[u8]) -> Option<MeshFormat> {
+    let text = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head).trim_ascii_start();
+    let first = text.split(u8::is_ascii_whitespace).next().unwrap_or_default();
+    if first == b"ply" {
+        Some(MeshFormat::Ply)
+    } else if head.starts_with(b"glTF") || text.starts_with(b"{") {
+        Some(MeshFormat::Gltf)
+    } else if first.ends_with(b"OFF") && first.len() <= 8 {
+        Some(MeshFormat::Off)
+    } else {
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn content_wins_over_the_extension() {
+        let dir = tempfile::tempdir().unwrap();
+        let off = "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+        for (name, text, warnings) in [
+            ("a.off", off, 0),
+            ("a.obj", off, 1),
+            ("noname", off, 0),
+            ("b.OBJ", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", 0),
+        ] {
+            let path = dir.path().join(name);
+            std::fs::write(&path, text).unwrap();
+            let loaded = read_mesh(&path).unwrap();
+            assert_eq!((loaded.mesh.triangles(), loaded.warnings.len()), (vec![[0, 1, 2]], warnings), "{name}");
+        }
+        for (name, text, expected) in [
+            ("c.stl", "solid", "not a mesh"),
+            ("d", "", "empty"),
+            ("e.ply", "", "end_header"),
+            ("f.obj", "", "no face"),
+        ] {
+            let path = dir.path().join(name);
+            std::fs::write(&path, text).unwrap();
+            let message = read_mesh(&path).unwrap_err().to_string();
+            assert!(message.contains(expected) && message.contains(name), "{message}");
+        }
+        assert!(read_mesh(dir.path()).unwrap_err().to_string().contains("folder"));
+        assert!(read_mesh(dir.path().join("gone.obj")).unwrap_err().to_string().contains("gone.obj"));
+    }
 }

@@ -330,7 +330,6 @@ mod tests {
             ("1 1 0 9", "1 1 inf 9", "position of vertex 2 is not finite"),
             ("1 1 0 9", "1 one 0 9", "line 18: vertex 2 of 4: \"one\" is not a number"),
             ("ascii", "base64", "base64"),
-            ("end_header", "comment", "end_header"),
             ("face 2", "face 0", "no face with three"),
             ("ply", "pli", "ply"),
         ] {
