@@ -127,6 +127,60 @@ impl Image {
         }
     }
 
+    /// Channel `c` of the pixel in column `x` and row `y`, with 1 as full scale.
+    ///
+    /// # Panics
+    /// If there is no such pixel or channel.
+    pub fn get(&self, x: u32, y: u32, c: u32) -> f32 {
+        self.sample(self.index(x, y, c))
+    }
+
+    /// Sets channel `c` of the pixel in column `x` and row `y`; integers are rounded and clamped.
+    ///
+    /// # Panics
+    /// If there is no such pixel or channel.
+    pub fn set(&mut self, x: u32, y: u32, c: u32, value: f32) {
+        let at = self.index(x, y, c);
+        // The casts turn NaN into 0.
+        let clamped = value.clamp(0.0, 1.0);
+        match &mut self.pixels {
+            Pixels::U8(s) => s[at] = (clamped * 255.0).round() as u8,
+            Pixels::U16(s) => s[at] = (clamped * 65535.0).round() as u16,
+            Pixels::F32(s) => s[at] = value,
+        }
+    }
+
+    fn index(&self, x: u32, y: u32, c: u32) -> usize {
+        assert!(x < self.width && y < self.height && c < self.channels, "pixel {x} {y} channel {c} out of range");
+        (y as usize * self.width as usize + x as usize) * self.channels as usize + c as usize
+    }
+
+    /// The same picture with other depth and channels. Grey becomes RGB by repetition, RGB grey by its luma (weights 0.299, 0.587, 0.114); alpha is
+    /// dropped or added as full.
+    ///
+    /// # Errors
+    /// Unless there are 1 to 4 channels.
+    pub fn converted(&self, channels: u32, depth: Depth) -> Result<Self> {
+        let mut out = Self::zeros(self.width, self.height, channels, depth)?;
+        let colours = self.channels - u32::from(self.has_alpha());
+        let out_colours = channels - u32::from(out.has_alpha());
+        for y in 0..self.height {
+            for x in 0..self.width {
+                for c in 0..channels {
+                    let value = if c == out_colours {
+                        if self.has_alpha() { self.get(x, y, colours) } else { 1.0 }
+                    } else if colours == 3 && out_colours == 1 {
+                        0.299 * self.get(x, y, 0) + 0.587 * self.get(x, y, 1) + 0.114 * self.get(x, y, 2)
+                    } else {
+                        self.get(x, y, c.min(colours - 1))
+                    };
+                    out.set(x, y, c, value);
+                }
+            }
+        }
+        Ok(out)
+    }
+
     /// Checks what [`Image::new`] promises, for pictures whose fields were filled in directly; `name` goes into the message.
     ///
     /// # Errors

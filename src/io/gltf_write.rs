@@ -237,7 +237,8 @@ mod tests {
     use super::*;
     use crate::geometry::{Corner, MeshBuilder};
     use crate::io::gltf_read::parse_gltf;
-    use crate::io::image_file::{Depth, Image, decode_image, encode_png};
+    use crate::io::image_file::{decode_image, encode_png};
+    use crate::raster::{Depth, Image};
 
     /// Two textured triangles with a seam between them, one of the second material, and one that repeats a vertex.
     fn seamed() -> Mesh {
@@ -258,7 +259,7 @@ mod tests {
 
     #[test]
     fn the_written_file_is_valid_and_reads_back() {
-        let png = encode_png(&Image::new(3, 2, 3, Depth::U8)).unwrap();
+        let png = encode_png(&Image::zeros(3, 2, 3, Depth::U8).unwrap()).unwrap();
         let materials = [
             GlbMaterial { name: "a".into(), base_color: [1.0; 4], texture: Some(png.clone()) },
             GlbMaterial { name: "b".into(), base_color: [0.5, 0.25, 0.0, 1.0], texture: None },
@@ -291,7 +292,7 @@ mod tests {
         assert!(back.warnings[0].contains("joined"), "{:?}", back.warnings);
         let embedded = back.mesh.materials[0].embedded_texture.clone().unwrap();
         assert_eq!(*embedded, png[..]);
-        assert_eq!(decode_image(&embedded, "embedded").unwrap().width(), 3);
+        assert_eq!(decode_image(&embedded, "embedded").unwrap().width, 3);
         assert_eq!(back.mesh.materials[1].base_color, [0.5, 0.25, 0.0, 1.0]);
     }
 

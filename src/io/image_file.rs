@@ -10,175 +10,8 @@ use image::codecs::jpeg::JpegEncoder;
 use image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageFormat, ImageReader, Limits};
 
 use super::{output, source};
+use crate::raster::{Depth, Image, Pixels};
 use crate::{Error, Result};
-
-/// The samples of a picture in row order, channels interleaved.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Samples {
-    /// 8 bits, 255 is full.
-    U8(Vec<u8>),
-    /// 16 bits, 65535 is full.
-    U16(Vec<u16>),
-    /// Floating point, 1 is full; any value may occur.
-    F32(Vec<f32>),
-}
-
-/// How precisely a picture stores its samples.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Depth {
-    /// 8-bit integers.
-    U8,
-    /// 16-bit integers.
-    U16,
-    /// Single precision floating point.
-    F32,
-}
-
-/// A picture with 1 (grey), 2 (grey, alpha), 3 (RGB) or 4 (RGBA) channels.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Image {
-    width: usize,
-    height: usize,
-    channels: usize,
-    samples: Samples,
-}
-
-impl Image {
-    /// A black, transparent picture.
-    pub fn new(width: usize, height: usize, channels: usize, depth: Depth) -> Self {
-        let count = width * height * channels;
-        let samples = match depth {
-            Depth::U8 => Samples::U8(vec![0; count]),
-            Depth::U16 => Samples::U16(vec![0; count]),
-            Depth::F32 => Samples::F32(vec![0.0; count]),
-        };
-        Self { width, height, channels, samples }
-    }
-
-    /// A picture of the given samples.
-    ///
-    /// # Errors
-    /// [`Error::Input`] unless there are 1 to 4 channels and `width * height * channels` samples.
-    pub fn from_samples(width: usize, height: usize, channels: usize, samples: Samples) -> Result<Self> {
-        let count = match &samples {
-            Samples::U8(s) => s.len(),
-            Samples::U16(s) => s.len(),
-            Samples::F32(s) => s.len(),
-        };
-        let wanted = width.checked_mul(height).and_then(|n| n.checked_mul(channels));
-        if !(1..=4).contains(&channels) || wanted != Some(count) {
-            let what = format!("{count} samples are no picture of {width} x {height} with {channels} channels");
-            return Err(Error::input(what, "Give width * height * channels samples of 1 to 4 channels"));
-        }
-        Ok(Self { width, height, channels, samples })
-    }
-
-    /// Pixels in a row.
-    pub fn width(&self) -> usize {
-        self.width
-    }
-
-    /// Rows.
-    pub fn height(&self) -> usize {
-        self.height
-    }
-
-    /// Samples of a pixel, 1 to 4.
-    pub fn channels(&self) -> usize {
-        self.channels
-    }
-
-    /// How samples are stored.
-    pub fn depth(&self) -> Depth {
-        match self.samples {
-            Samples::U8(_) => Depth::U8,
-            Samples::U16(_) => Depth::U16,
-            Samples::F32(_) => Depth::F32,
-        }
-    }
-
-    /// The samples, row by row from the top, channels interleaved.
-    pub fn samples(&self) -> &Samples {
-        &self.samples
-    }
-
-    /// The samples, to be changed in place.
-    pub fn samples_mut(&mut self) -> &mut Samples {
-        &mut self.samples
-    }
-
-    /// Whether the last channel is an alpha channel.
-    pub fn has_alpha(&self) -> bool {
-        self.channels % 2 == 0
-    }
-
-    /// Channel `c` of the pixel in column `x` and row `y`, with 1 as full scale.
-    ///
-    /// # Panics
-    /// If there is no such pixel or channel.
-    pub fn get(&self, x: usize, y: usize, c: usize) -> f32 {
-        let at = self.at(x, y, c);
-        match &self.samples {
-            Samples::U8(s) => f32::from(s[at]) / 255.0,
-            Samples::U16(s) => f32::from(s[at]) / 65535.0,
-            Samples::F32(s) => s[at],
-        }
-    }
-
-    /// Sets channel `c` of the pixel in column `x` and row `y`; integers are rounded and clamped.
-    ///
-    /// # Panics
-    /// If there is no such pixel or channel.
-    pub fn set(&mut self, x: usize, y: usize, c: usize, value: f32) {
-        let at = self.at(x, y, c);
-        match &mut self.samples {
-            Samples::U8(s) => s[at] = to_u8(value),
-            Samples::U16(s) => s[at] = to_u16(value),
-            Samples::F32(s) => s[at] = value,
-        }
-    }
-
-    fn at(&self, x: usize, y: usize, c: usize) -> usize {
-        assert!(x < self.width && y < self.height && c < self.channels, "pixel {x} {y} channel {c} out of range");
-        (y * self.width + x) * self.channels + c
-    }
-
-    /// The same picture with other depth and channels. Grey becomes RGB by repetition, RGB grey by its first channel's luma weights
-    /// (0.299, 0.587, 0.114); alpha is dropped or added as full.
-    ///
-    /// # Panics
-    /// Unless there are 1 to 4 channels.
-    pub fn converted(&self, channels: usize, depth: Depth) -> Self {
-        let mut out = Self::new(self.width, self.height, channels, depth);
-        assert!((1..=4).contains(&channels), "{channels} channels");
-        let colours = self.channels - usize::from(self.has_alpha());
-        let out_colours = channels - usize::from(out.has_alpha());
-        for y in 0..self.height {
-            for x in 0..self.width {
-                for c in 0..channels {
-                    let value = if c == out_colours {
-                        if self.has_alpha() { self.get(x, y, colours) } else { 1.0 }
-                    } else if colours == 3 && out_colours == 1 {
-                        0.299 * self.get(x, y, 0) + 0.587 * self.get(x, y, 1) + 0.114 * self.get(x, y, 2)
-                    } else {
-                        self.get(x, y, c.min(colours - 1))
-                    };
-                    out.set(x, y, c, value);
-                }
-            }
-        }
-        out
-    }
-}
-
-fn to_u8(x: f32) -> u8 {
-    // The cast turns NaN into 0.
-    (x.clamp(0.0, 1.0) * 255.0).round() as u8
-}
-
-fn to_u16(x: f32) -> u16 {
-    (x.clamp(0.0, 1.0) * 65535.0).round() as u16
-}
 
 /// More samples than this in one picture are not read: 32768 x 32768 pixels of 8-bit RGBA, or 16384 x 16384 of float RGBA.
 const LARGEST: u64 = 4 << 30;
@@ -223,19 +56,19 @@ pub fn decode_image(bytes: &[u8], name: impl AsRef<Path>) -> Result<Image> {
     }
     let decoded = DynamicImage::from_decoder(decoder).map_err(|e| fail(format!("the picture cannot be read: {e}")))?;
     let (channels, samples) = match decoded {
-        DynamicImage::ImageLuma8(b) => (1, Samples::U8(b.into_raw())),
-        DynamicImage::ImageLumaA8(b) => (2, Samples::U8(b.into_raw())),
-        DynamicImage::ImageRgb8(b) => (3, Samples::U8(b.into_raw())),
-        DynamicImage::ImageRgba8(b) => (4, Samples::U8(b.into_raw())),
-        DynamicImage::ImageLuma16(b) => (1, Samples::U16(b.into_raw())),
-        DynamicImage::ImageLumaA16(b) => (2, Samples::U16(b.into_raw())),
-        DynamicImage::ImageRgb16(b) => (3, Samples::U16(b.into_raw())),
-        DynamicImage::ImageRgba16(b) => (4, Samples::U16(b.into_raw())),
-        DynamicImage::ImageRgb32F(b) => (3, Samples::F32(b.into_raw())),
-        DynamicImage::ImageRgba32F(b) => (4, Samples::F32(b.into_raw())),
+        DynamicImage::ImageLuma8(b) => (1, Pixels::U8(b.into_raw())),
+        DynamicImage::ImageLumaA8(b) => (2, Pixels::U8(b.into_raw())),
+        DynamicImage::ImageRgb8(b) => (3, Pixels::U8(b.into_raw())),
+        DynamicImage::ImageRgba8(b) => (4, Pixels::U8(b.into_raw())),
+        DynamicImage::ImageLuma16(b) => (1, Pixels::U16(b.into_raw())),
+        DynamicImage::ImageLumaA16(b) => (2, Pixels::U16(b.into_raw())),
+        DynamicImage::ImageRgb16(b) => (3, Pixels::U16(b.into_raw())),
+        DynamicImage::ImageRgba16(b) => (4, Pixels::U16(b.into_raw())),
+        DynamicImage::ImageRgb32F(b) => (3, Pixels::F32(b.into_raw())),
+        DynamicImage::ImageRgba32F(b) => (4, Pixels::F32(b.into_raw())),
         other => return Err(fail(format!("pixels of the kind {:?} are not read", other.color()))),
     };
-    Image::from_samples(width as usize, height as usize, channels, samples)
+    Image::new(width, height, channels, samples)
 }
 
 /// Writes a picture in the format of the file's extension (`png`, `jpg`, `jpeg`, `tif`, `tiff`, `exr`), whole or not at all.
@@ -282,7 +115,7 @@ fn format_of(path: &Path) -> Result<ImageFormat> {
 }
 
 fn encode(image: &Image, format: ImageFormat, path: &Path) -> Result<Vec<u8>> {
-    let colours = image.channels - usize::from(image.has_alpha());
+    let colours = image.channels - u32::from(image.has_alpha());
     let (channels, depth) = match (format, image.depth()) {
         (ImageFormat::Png, Depth::F32) => (image.channels, Depth::U16),
         (ImageFormat::Jpeg, _) => (colours, Depth::U8),
@@ -295,29 +128,25 @@ fn encode(image: &Image, format: ImageFormat, path: &Path) -> Result<Vec<u8>> {
     let image = if (channels, depth) == (image.channels, image.depth()) {
         image
     } else {
-        converted = image.converted(channels, depth);
+        converted = image.converted(channels, depth)?;
         &converted
     };
-    let (bytes, colour): (&[u8], _) = match (&image.samples, channels) {
-        (Samples::U8(s), 1) => (s, ExtendedColorType::L8),
-        (Samples::U8(s), 2) => (s, ExtendedColorType::La8),
-        (Samples::U8(s), 3) => (s, ExtendedColorType::Rgb8),
-        (Samples::U8(s), _) => (s, ExtendedColorType::Rgba8),
-        (Samples::U16(s), 1) => (bytemuck::cast_slice(s), ExtendedColorType::L16),
-        (Samples::U16(s), 2) => (bytemuck::cast_slice(s), ExtendedColorType::La16),
-        (Samples::U16(s), 3) => (bytemuck::cast_slice(s), ExtendedColorType::Rgb16),
-        (Samples::U16(s), _) => (bytemuck::cast_slice(s), ExtendedColorType::Rgba16),
-        (Samples::F32(s), 3) => (bytemuck::cast_slice(s), ExtendedColorType::Rgb32F),
-        (Samples::F32(s), _) => (bytemuck::cast_slice(s), ExtendedColorType::Rgba32F),
+    let (bytes, colour): (&[u8], _) = match (&image.pixels, channels) {
+        (Pixels::U8(s), 1) => (s, ExtendedColorType::L8),
+        (Pixels::U8(s), 2) => (s, ExtendedColorType::La8),
+        (Pixels::U8(s), 3) => (s, ExtendedColorType::Rgb8),
+        (Pixels::U8(s), _) => (s, ExtendedColorType::Rgba8),
+        (Pixels::U16(s), 1) => (bytemuck::cast_slice(s), ExtendedColorType::L16),
+        (Pixels::U16(s), 2) => (bytemuck::cast_slice(s), ExtendedColorType::La16),
+        (Pixels::U16(s), 3) => (bytemuck::cast_slice(s), ExtendedColorType::Rgb16),
+        (Pixels::U16(s), _) => (bytemuck::cast_slice(s), ExtendedColorType::Rgba16),
+        (Pixels::F32(s), 3) => (bytemuck::cast_slice(s), ExtendedColorType::Rgb32F),
+        (Pixels::F32(s), _) => (bytemuck::cast_slice(s), ExtendedColorType::Rgba32F),
     };
     let fail = |e: image::ImageError| {
         Error::format(path, None, format!("the picture cannot be encoded: {e}"), "Use another format or size")
     };
-    let (width, height) = (image.width as u64, image.height as u64);
-    let (Ok(width), Ok(height)) = (u32::try_from(width), u32::try_from(height)) else {
-        let what = format!("{width} x {height} pixels are too many");
-        return Err(Error::format(path, None, what, "Use a smaller size"));
-    };
+    let (width, height) = (image.width, image.height);
     let mut file = Cursor::new(Vec::new());
     match format {
         ImageFormat::Jpeg => {
@@ -332,8 +161,8 @@ fn encode(image: &Image, format: ImageFormat, path: &Path) -> Result<Vec<u8>> {
 mod tests {
     use super::*;
 
-    fn pattern(channels: usize, depth: Depth) -> Image {
-        let mut image = Image::new(7, 5, channels, depth);
+    fn pattern(channels: u32, depth: Depth) -> Image {
+        let mut image = Image::zeros(7, 5, channels, depth).unwrap();
         for k in 0..7 * 5 * channels {
             let value = ((k * 37) % 256) as f32 / 255.0;
             image.set(k / channels % 7, k / channels / 7, k % channels, value);
@@ -380,7 +209,7 @@ mod tests {
             let image = pattern(channels, depth);
             write_image(&image, dir.path().join(name)).unwrap();
             let back = read_image(dir.path().join(name)).unwrap();
-            assert_eq!((back.channels(), back.depth()), expected, "{name}");
+            assert_eq!((back.channels, back.depth()), expected, "{name}");
             let tolerance = if name.contains(".j") { 0.5 } else { 1e-4 };
             assert!((back.get(2, 1, 0) - image.get(2, 1, 0)).abs() < tolerance, "{name}");
         }
@@ -390,12 +219,12 @@ mod tests {
 
     #[test]
     fn floats_beyond_one_survive_and_integers_clamp() {
-        let image = Image::from_samples(1, 1, 3, Samples::F32(vec![-0.5, 7.25, f32::NAN])).unwrap();
+        let image = Image::new(1, 1, 3, Pixels::F32(vec![-0.5, 7.25, f32::NAN])).unwrap();
         let bytes = encode(&image, ImageFormat::OpenExr, Path::new("x")).unwrap();
         let back = decode_image(&bytes, "x").unwrap();
         assert_eq!((back.get(0, 0, 0), back.get(0, 0, 1)), (-0.5, 7.25));
         let png = decode_image(&encode_png(&image).unwrap(), "x").unwrap();
-        assert_eq!(*png.samples(), Samples::U16(vec![0, 65535, 0]));
+        assert_eq!(png.pixels, Pixels::U16(vec![0, 65535, 0]));
     }
 
     #[test]

@@ -33,7 +33,7 @@ use crate::{Error, Result};
 pub use anchors::{AnchorList, AnchorPairs, AnchorSpec, ResolvedAnchor};
 pub use cache::{Cache, CacheKey};
 pub use gltf_write::{GlbMaterial, write_glb};
-pub use image_file::{Depth, Image, Samples, read_image, write_image};
+pub use image_file::{read_image, write_image};
 pub use obj_write::write_obj;
 pub use output::{check_writable, write_atomically};
 pub use ply_write::write_ply;

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use barymap::geometry::{Diagnosis, Mesh, Topology};
 use barymap::io::gltf_write::glb_bytes;
 use barymap::io::image_file::{decode_image, encode_png};
-use barymap::io::{Depth, Image, anchors, gltf_read, npy, obj, off, ply, read_image, read_mesh, write_obj, write_ply};
+use barymap::raster::{Depth, Image};
+use barymap::io::{anchors, gltf_read, npy, obj, off, ply, read_image, read_mesh, write_obj, write_ply};
 use glam::DVec3;
 use proptest::prelude::*;
 
@@ -157,13 +158,13 @@ fn pictures_load_and_bad_ones_give_errors() {
         ("textured/knight/knight_texture.png", 1024, 1024, 4),
     ] {
         let image = read_image(data().join(name)).unwrap();
-        assert_eq!((image.width(), image.height(), image.channels()), (width, height, channels), "{name}");
+        assert_eq!((image.width, image.height, image.channels), (width, height, channels), "{name}");
     }
     let mut tried = 0;
     for entry in std::fs::read_dir(data().join("bad")).unwrap() {
         let path = entry.unwrap().path();
         if path.extension().is_some_and(|e| e == "png") {
-            let message = read_image(&path).map(|i| (i.width(), i.height())).unwrap_err().to_string();
+            let message = read_image(&path).map(|i| (i.width, i.height)).unwrap_err().to_string();
             assert!(message.contains(&*path.to_string_lossy()), "{message}");
             tried += 1;
         }
@@ -203,7 +204,7 @@ fn seeds() -> Vec<(&'static str, Vec<u8>)> {
     let mesh = Mesh::from_triangles("seed", positions, &[[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]);
     write_ply(&mesh, Some(&[[1, 2, 3]; 4]), dir.path().join("a.ply")).unwrap();
     npy::write_npy(dir.path().join("a.npy"), 2, &[1.0, 2.0, 3.0, 4.0]).unwrap();
-    let png = encode_png(&Image::new(5, 3, 3, Depth::U8)).unwrap();
+    let png = encode_png(&Image::zeros(5, 3, 3, Depth::U8).unwrap()).unwrap();
     let material = barymap::io::GlbMaterial { name: "m".into(), base_color: [1.0; 4], texture: Some(png.clone()) };
     let glb = glb_bytes(&mesh, &[material]).unwrap();
     vec![

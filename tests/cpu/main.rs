@@ -1,7 +1,5 @@
-//! Tests that need no adapter.
+//! Tests of the CPU side through the public interface, on real data where `BARYMAP_DATA` names it; no graphics device is touched.
 
 mod io;
 mod shaders;
-//! Tests of the CPU side through the public interface; no graphics device is touched.
-
 mod transfer;
