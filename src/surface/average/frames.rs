@@ -30,19 +30,25 @@ struct FrameTiles<'a, E, const D: usize> {
 impl<E: LaneScalar, const D: usize> Sweep<E> for FrameTiles<'_, E, D> {
     #[inline(always)]
     fn run<L: Lane<E = E>>(self, cpu: L::Cpu) {
+        // Point by point first: the compiler vectorises along the D components only where they are stored together.
+        let mut rows = vec![[[E::ZERO; D]; 3]; TILE];
         for (points, tile) in self.points.chunks(TILE).zip(self.input.chunks_exact_mut(3 * D * TILE)) {
-            for (i, point) in points.iter().enumerate() {
+            for (point, row) in points.iter().zip(&mut rows) {
                 if point.face as usize >= self.surface.triangles.len() {
+                    *row = [[E::ZERO; D]; 3];
                     continue;
                 }
                 let (b0, b1) = (E::of(f64::from(point.b0)), E::of(f64::from(point.b1)));
                 let x = [b0, b1, E::ONE - b0 - b1];
                 let triangle = self.surface.triangle(point.face);
-                let (y, [p0, p1]) = (triangle.point(&x), triangle.psi(&x));
+                row[0] = triangle.point(&x);
+                [row[1], row[2]] = triangle.psi(&x);
+            }
+            for (i, row) in rows[..points.len()].iter().enumerate() {
                 for k in 0..D {
-                    tile[k * TILE + i] = y[k];
-                    tile[(D + k) * TILE + i] = p0[k];
-                    tile[(2 * D + k) * TILE + i] = p1[k];
+                    tile[k * TILE + i] = row[0][k];
+                    tile[(D + k) * TILE + i] = row[1][k];
+                    tile[(2 * D + k) * TILE + i] = row[2][k];
                 }
             }
             for at in (0..TILE).step_by(L::N) {

@@ -156,12 +156,13 @@ fn across<S: Real, const D: usize>(b0: &[S; D], v: &[S; D]) -> Option<[S; D]> {
         let along = dot(b0, v);
         let mut rest = *v;
         for k in 0..D {
-            rest[k] = rest[k] - along * b0[k];
+            rest[k] -= along * b0[k];
         }
         rest
     };
     let rest = reject(&v);
-    if !(dot(&rest, &rest) > S::of(1e-6)) {
+    let tilted = dot(&rest, &rest) > S::of(1e-6);
+    if !tilted {
         return None;
     }
     unit(&reject(&unit(&rest)?))

@@ -17,7 +17,7 @@ impl<S: Real> Offset<S> {
     pub(super) fn new<const D: usize>(y: &[S; D], basis: &[[S; D]; 2], anchor: &[S; D]) -> Self {
         let mut v = *anchor;
         for k in 0..D {
-            v[k] = v[k] - y[k];
+            v[k] -= y[k];
         }
         let p = [dot(&basis[0], &v), dot(&basis[1], &v)];
         let within = p[0] * p[0] + p[1] * p[1];
@@ -102,7 +102,8 @@ impl<S: Real> Multipliers<S> {
         let m = [s2[0] - rs[0] * s1[0], s2[1] - rs[0] * s1[1], s2[2] - rs[1] * s1[1]];
         let trace = m[0] + m[2];
         let noise = rank_limit::<S>() * size.maximum(trace);
-        if !(trace > noise.maximum(S::ONE / S::HUGE)) {
+        let some = trace > noise.maximum(S::ONE / S::HUGE);
+        if !some {
             return Self { mu: [S::ZERO; 2], t: rho, regular: false };
         }
         let scale = S::ONE / trace;
