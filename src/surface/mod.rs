@@ -11,6 +11,7 @@ pub mod phong_surface;
 pub mod project;
 pub mod psi;
 pub mod quality;
+pub mod single;
 pub mod tangents;
 #[cfg(test)]
 mod theory;

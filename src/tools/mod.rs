@@ -1,2 +1,5 @@
 //! What users do: combinations of the methods.
+pub mod cover;
+pub mod stopwatch;
 pub mod transfer;
+pub mod vertex_map;

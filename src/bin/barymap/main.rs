@@ -1,1 +1,86 @@
-fn main() {}
+//! The command line of barymap.
+
+mod check;
+mod common;
+mod demo;
+mod devices;
+mod embed;
+mod map;
+mod method;
+mod progress_bar;
+mod render;
+mod transfer;
+mod weights;
+
+use std::process::ExitCode;
+
+use barymap::{Error, Result};
+use clap::{Parser, Subcommand};
+
+use common::Common;
+
+/// Maps one shape onto another from a handful of control points.
+#[derive(Debug, Parser)]
+#[command(version, about, propagate_version = true)]
+struct Cli {
+    #[command(flatten)]
+    common: Common,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// The main job on built-in models; no input needed
+    Demo(demo::Arguments),
+    /// Adapters, limits, canaries, and which one `auto` takes
+    Devices,
+    /// The embedding of a mesh, as an array
+    Embed(embed::Arguments),
+    /// The forward problem: averages of anchors with given weights
+    Average(weights::ForwardArguments),
+    /// The inverse problem: weights of points with respect to anchors
+    Weights(weights::InverseArguments),
+    /// What the anchors of a mesh cover, and where one is missing
+    Check(check::Arguments),
+    /// Where the points of one mesh lie on another
+    Map(map::Arguments),
+    /// Transfers a texture from one mesh to a different one
+    Transfer(transfer::Arguments),
+    /// A shaded picture of a mesh, to look at results
+    Render(render::Arguments),
+}
+
+fn run(cli: &Cli) -> Result<()> {
+    let common = &cli.common;
+    match &cli.command {
+        Command::Demo(a) => demo::run(common, a),
+        Command::Devices => devices::run(common),
+        Command::Embed(a) => embed::run(common, a),
+        Command::Average(a) => weights::forward(common, a),
+        Command::Weights(a) => weights::inverse(common, a),
+        Command::Check(a) => check::run(common, a),
+        Command::Map(a) => map::run(common, a),
+        Command::Transfer(a) => transfer::run(common, a),
+        Command::Render(a) => render::run(common, a),
+    }
+}
+
+fn main() -> ExitCode {
+    let handler = ctrlc::set_handler(|| {
+        // An interrupt leaves no temporary file behind.
+        barymap::io::output::remove_all_temporary();
+        std::process::exit(130);
+    });
+    if let Err(error) = handler {
+        eprintln!("note: interrupts are not handled: {error}");
+    }
+    match run(&Cli::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("barymap: {error}");
+            // 2: wrong use of the command line; 1: a fault in the data, a file or the machine.
+            ExitCode::from(if matches!(error, Error::Option { .. }) { 2 } else { 1 })
+        }
+    }
+}

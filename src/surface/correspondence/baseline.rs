@@ -10,7 +10,7 @@ use crate::geometry::closest::ClosestPoints;
 use crate::surface::anchors::AnchorPairs;
 use crate::surface::packed::{PackedImage, PackedPoint, PointMap, Status};
 
-use super::{Method, Shape};
+use super::{Method, Shape, check_faces};
 
 /// A smooth map of space followed by the closest point of the source. Every point is claimed valid: nothing in these methods
 /// tells right from wrong.
@@ -63,13 +63,7 @@ impl Baseline {
 
 impl PointMap for Baseline {
     fn map(&self, points: &[PackedPoint], images: &mut Vec<PackedImage>) -> Result<()> {
-        let count = self.target.triangle_count();
-        if let Some(i) = points.iter().position(|p| p.face as usize >= count) {
-            return Err(Error::input(
-                format!("point {i} lies on face {}, the target has {count}", points[i].face),
-                "Faces are counted from 0 after fan triangulation",
-            ));
-        }
+        check_faces(points, self.target.triangle_count())?;
         images.clear();
         points.par_iter().map(|&p| self.map_point(p)).collect_into_vec(images);
         Ok(())

@@ -9,13 +9,13 @@ pub use baseline::Baseline;
 pub use confidence::{Evidence, Trust};
 pub use weighted::{Scratch, WeightedAverages};
 
-use crate::engine::Real;
+use crate::engine::LaneScalar;
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, Topology};
 
 use super::anchors::AnchorPairs;
 use super::embedding::Embedding;
-use super::packed::PointMap;
+use super::packed::{PackedPoint, PointMap};
 
 /// How points of the target are carried to the source.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -106,7 +106,7 @@ pub fn correspondence(
     }
 }
 
-fn weighted<S: Real>(
+fn weighted<S: LaneScalar>(
     source: Shape<'_>,
     target: Shape<'_>,
     anchors: &AnchorPairs,
@@ -137,5 +137,16 @@ pub(crate) fn dimension(source: &Shape<'_>, target: &Shape<'_>) -> Result<usize>
             "Embed both with the same --dimension",
         )),
         _ => Err(Error::input("an embedding is missing", "Compute the embeddings of both meshes first")),
+    }
+}
+
+/// Every point lies on a triangle of a target with `count` of them.
+pub(crate) fn check_faces(points: &[PackedPoint], count: usize) -> Result<()> {
+    match points.iter().position(|p| p.face as usize >= count) {
+        None => Ok(()),
+        Some(i) => Err(Error::input(
+            format!("point {i} lies on face {}, the target has {count}", points[i].face),
+            "Faces are counted from 0 after fan triangulation",
+        )),
     }
 }

@@ -2,23 +2,23 @@
 
 use rayon::prelude::*;
 
-use crate::engine::Real;
+use crate::engine::{LaneScalar, Lanes, Real};
 use crate::error::{Error, Result};
 use crate::geometry::{NONE, SurfacePoint};
 use crate::surface::anchors::AnchorPairs;
-use crate::surface::average::{AnchorTable, average_fused, orthonormalise};
+use crate::surface::average::{AnchorTable, AveragedChunk, SweepAnchors, average_fused, orthonormalise};
 use crate::surface::packed::{PackedImage, PackedPoint, PointMap};
 use crate::surface::project::{Found, Projection, SearchLimits};
-use crate::surface::vector::{Vector, add_scaled, cast, distance_squared, dot, sub};
+use crate::surface::vector::{Vector, cast, distance_squared, dot, sub};
 use crate::surface::{NearestVertex, PhongSurface};
 
 use super::confidence::{Evidence, Trust};
 use super::procrustes::orthogonal;
-use super::{CorrespondenceOptions, Method, Shape};
+use super::{CorrespondenceOptions, Method, Shape, check_faces};
 
 /// Squared length of the order of the distance measure near an anchor, in mean edges squared (notes on the fused form: it only keeps
 /// sums in range).
-pub const AVERAGE_SCALE: f64 = 16.0;
+pub(crate) const AVERAGE_SCALE: f64 = 16.0;
 
 /// Points handled by one task: whole tiles of the sweep, and enough work to hide scheduling.
 const CHUNK: usize = 512;
@@ -207,28 +207,35 @@ impl<S: Real, const D: usize> WeightedAverages<S, D> {
         }
     }
 
-    /// `y` with `step` added along the residual: used by tests of the transported form.
-    pub fn displaced(&self, scratch: &Scratch<S, D>, step: S) -> Vector<S, D> {
-        add_scaled(&scratch.y, step, &sub(&scratch.own, &scratch.y))
+}
+
+impl<S: LaneScalar, const D: usize> WeightedAverages<S, D> {
+    /// Maps a chunk of points: frames and averages in SIMD lanes, then each projection for itself.
+    fn map_chunk(&self, points: &[PackedPoint], out: &mut [PackedImage], chunk: &mut AveragedChunk<S, D>) {
+        let both = [self.table.image.as_slice(), self.own.own.as_slice()];
+        let anchors = SweepAnchors {
+            own: &self.own.own,
+            images: if self.confidence { &both } else { &both[..1] },
+            transport: self.transport.as_ref(),
+        };
+        chunk.compute(Lanes::detect(), &self.target, anchors, points);
+        for (i, (point, image)) in points.iter().zip(out).enumerate() {
+            let y = chunk.point(i);
+            let own = if self.confidence { chunk.mean(1, i) } else { y };
+            *image = self.finish(point.face, &Scratch { y, own, mean: chunk.mean(0, i) });
+        }
     }
 }
 
-impl<S: Real, const D: usize> PointMap for WeightedAverages<S, D> {
+impl<S: LaneScalar, const D: usize> PointMap for WeightedAverages<S, D> {
     fn map(&self, points: &[PackedPoint], images: &mut Vec<PackedImage>) -> Result<()> {
-        let count = self.target.triangles.len();
-        if let Some(i) = points.iter().position(|p| p.face as usize >= count) {
-            return Err(Error::input(
-                format!("point {i} lies on face {}, the target has {count}", points[i].face),
-                "Faces are counted from 0 after fan triangulation",
-            ));
-        }
+        check_faces(points, self.target.triangles.len())?;
         images.clear();
         images.resize(points.len(), PackedImage::NOWHERE);
-        images.par_chunks_mut(CHUNK).zip(points.par_chunks(CHUNK)).for_each(|(out, points)| {
-            for (image, &point) in out.iter_mut().zip(points) {
-                *image = self.map_point(point);
-            }
-        });
+        images
+            .par_chunks_mut(CHUNK)
+            .zip(points.par_chunks(CHUNK))
+            .for_each_init(AveragedChunk::new, |chunk, (out, points)| self.map_chunk(points, out, chunk));
         Ok(())
     }
 }

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::atlas::{AtlasTexel, Tile, rasterize_atlas};
 use super::bins::{Atlas, Bins};
 use super::footprint::{Footprint, MappedTexel, footprint};
-use super::stopwatch::Stopwatch;
+use crate::tools::stopwatch::Stopwatch;
 use super::tables::{SourceTriangle, TargetTriangle};
 use crate::error::{Error, Result};
 use crate::geometry::NONE;

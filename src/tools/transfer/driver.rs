@@ -11,7 +11,7 @@ use super::mip::MipChain;
 use super::pad::pad_seams;
 use super::plan::Plan;
 use super::sample::{SampleParams, sample_texture};
-use super::stopwatch::Stopwatch;
+use crate::tools::stopwatch::Stopwatch;
 use super::tables::{source_triangles, target_triangles};
 use super::{LARGEST_SIDE, TransferOptions, TransferOutput, TransferStats, coverage};
 use crate::error::{Error, Result};
@@ -111,7 +111,7 @@ pub fn transfer(
         }
         watch.lap("pad_seams");
     }
-    stats.stages = watch.stages;
+    stats.stages = watch.stages().to_vec();
     let coverage = Image { width: options.width, height: options.height, channels: 1, pixels: Pixels::U8(covers) };
     Ok(TransferOutput { layers: outputs.into_iter().map(|o| o.image).collect(), coverage, stats })
 }

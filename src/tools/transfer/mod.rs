@@ -20,7 +20,7 @@ mod band;
 mod driver;
 mod layer;
 mod plan;
-mod stopwatch;
+
 
 pub use bins::UvRegion;
 pub use driver::transfer;
@@ -28,7 +28,7 @@ pub use layer::Layer;
 pub use mip::{Alpha, Encoding};
 pub use plan::memory_needed;
 pub use sample::Filter;
-pub use stopwatch::StageTime;
+pub use crate::tools::stopwatch::StageTime;
 
 use crate::raster::Image;
 

@@ -14,19 +14,32 @@ pub struct StageTime {
 }
 
 /// Attributes the time since the last call to stages.
-pub(super) struct Stopwatch {
+#[derive(Debug)]
+pub struct Stopwatch {
     wall: Instant,
     cpu: Option<f64>,
-    pub(super) stages: Vec<StageTime>,
+    stages: Vec<StageTime>,
+}
+
+impl Default for Stopwatch {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
 impl Stopwatch {
-    pub(super) fn new() -> Self {
+    /// Starts the clock.
+    pub fn new() -> Self {
         Self { wall: Instant::now(), cpu: process_seconds(), stages: Vec::new() }
     }
 
+    /// The stages so far, in order of their first lap.
+    pub fn stages(&self) -> &[StageTime] {
+        &self.stages
+    }
+
     /// Adds the time since the last call to `name`.
-    pub(super) fn lap(&mut self, name: &'static str) {
+    pub fn lap(&mut self, name: &'static str) {
         let (wall, cpu) = (Instant::now(), process_seconds());
         let seconds = wall.duration_since(self.wall).as_secs_f64();
         let cpu_seconds = cpu.zip(self.cpu).map(|(now, then)| now - then);

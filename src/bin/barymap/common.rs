@@ -1,0 +1,289 @@
+//! What the commands share: options, meshes with their embeddings, anchors, reports.
+
+use std::path::{Path, PathBuf};
+
+use barymap::engine::{Backend, Engine, EngineOptions};
+use barymap::geometry::{ClosestPoints, Diagnosis, Mesh, SurfacePoint, Topology};
+use barymap::io::anchors::AnchorList;
+use barymap::io::cache::Cache;
+use barymap::progress::Progress;
+use barymap::surface::correspondence::Shape;
+use barymap::surface::{AnchorPairs, Embedding, EmbeddingOptions};
+use barymap::tools::stopwatch::Stopwatch;
+use barymap::{Error, Result};
+use clap::{Args, ValueEnum};
+use serde_json::{Value, json};
+
+use crate::progress_bar::Bars;
+
+/// Options of every command.
+#[derive(Args, Debug)]
+pub(crate) struct Common {
+    /// Where the work is done: auto takes the best adapter and falls back to the CPU; reference is double precision
+    #[arg(long, value_enum, default_value = "auto", global = true)]
+    pub(crate) backend: BackendName,
+    /// Part of the name of the adapter to use (see `barymap devices`)
+    #[arg(long, global = true)]
+    pub(crate) adapter: Option<String>,
+    /// Write a JSON report here
+    #[arg(long, global = true)]
+    pub(crate) report: Option<PathBuf>,
+    /// Memory that a transfer may use, in bytes or with K, M, G
+    #[arg(long, default_value = "4G", value_parser = bytes, global = true)]
+    pub(crate) memory: u64,
+    /// Neither read nor write cached embeddings
+    #[arg(long, global = true)]
+    pub(crate) no_cache: bool,
+    /// Say nothing but errors
+    #[arg(long, short, global = true)]
+    pub(crate) quiet: bool,
+}
+
+/// Names of the back ends.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum BackendName {
+    Auto,
+    Gpu,
+    Cpu,
+    Reference,
+}
+
+/// `4G` and the like.
+fn bytes(text: &str) -> std::result::Result<u64, String> {
+    let (digits, unit) = match text.char_indices().last() {
+        Some((i, c)) if c.is_ascii_alphabetic() => (&text[..i], c.to_ascii_uppercase()),
+        _ => (text, 'B'),
+    };
+    let factor = match unit {
+        'B' => 1u64,
+        'K' => 1 << 10,
+        'M' => 1 << 20,
+        'G' => 1 << 30,
+        _ => return Err(format!("{text:?} is no size: write 4G, 512M or a number of bytes")),
+    };
+    let number: u64 = digits.trim().parse().map_err(|_| format!("{text:?} is no size: write 4G, 512M or a number of bytes"))?;
+    number.checked_mul(factor).filter(|&n| n > 0).ok_or_else(|| format!("{text:?} is out of range"))
+}
+
+/// A command at work: its engine, progress and clock.
+pub(crate) struct Session<'a> {
+    pub(crate) common: &'a Common,
+    pub(crate) engine: Engine,
+    pub(crate) bars: Bars,
+    pub(crate) watch: Stopwatch,
+    cache: Cache,
+}
+
+impl<'a> Session<'a> {
+    /// Starts the engine and checks early that the report can be written.
+    pub(crate) fn start(common: &'a Common) -> Result<Self> {
+        let backend = match common.backend {
+            BackendName::Auto => Backend::Auto,
+            BackendName::Gpu => Backend::Gpu,
+            BackendName::Cpu => Backend::Cpu,
+            BackendName::Reference => Backend::Reference,
+        };
+        Self::with_backend(common, backend)
+    }
+
+    fn with_backend(common: &'a Common, backend: Backend) -> Result<Self> {
+        if let Some(report) = &common.report {
+            barymap::io::output::check_writable(report)?;
+        }
+        let engine = Engine::new(EngineOptions { backend, adapter: common.adapter.clone(), ..EngineOptions::default() })?;
+        let session = Self {
+            common,
+            engine,
+            bars: Bars::new(common.quiet),
+            watch: Stopwatch::new(),
+            cache: if common.no_cache { Cache::disabled() } else { Cache::from_environment() },
+        };
+        if let Some(note) = session.engine.note() {
+            session.warn(note);
+        }
+        Ok(session)
+    }
+
+    /// A session for work that always runs on the CPU: no adapter is looked for.
+    pub(crate) fn start_on_cpu(common: &'a Common) -> Result<Self> {
+        Self::with_backend(common, Backend::Cpu)
+    }
+
+    /// A line on stderr, unless quiet.
+    pub(crate) fn warn(&self, text: &str) {
+        self.bars.finish();
+        if !self.common.quiet {
+            eprintln!("note: {text}");
+        }
+    }
+
+    /// A line on stdout, unless quiet.
+    pub(crate) fn say(&self, text: &str) {
+        self.bars.finish();
+        if !self.common.quiet {
+            println!("{text}");
+        }
+    }
+
+    /// Reads a mesh and tells what is wrong with it.
+    pub(crate) fn mesh(&mut self, path: &Path) -> Result<Surface> {
+        let loaded = barymap::io::read_mesh(path)?;
+        for warning in &loaded.warnings {
+            self.warn(&format!("{}: {warning}", path.display()));
+        }
+        let surface = self.surface(loaded.mesh)?;
+        self.watch.lap("read");
+        Ok(surface)
+    }
+
+    /// A mesh made in memory, with its adjacency.
+    pub(crate) fn surface(&self, mesh: Mesh) -> Result<Surface> {
+        let topology = Topology::new(&mesh);
+        let diagnosis = Diagnosis::new(&mesh, &topology);
+        diagnosis.is_usable()?;
+        for finding in diagnosis.findings() {
+            self.warn(&format!("{}: {finding}", mesh.name));
+        }
+        Ok(Surface { mesh, topology, embedding: None })
+    }
+
+    /// Embeds a surface, or takes its embedding from the cache.
+    pub(crate) fn embed(&mut self, surface: &mut Surface, options: &EmbeddingOptions) -> Result<()> {
+        let key = barymap::surface::embedding::cache_key(&surface.mesh, options);
+        let cached = self.cache.get(&key).and_then(|bytes| Embedding::from_bytes(&bytes).ok());
+        let embedding = match cached {
+            Some(e) if e.points.len() == surface.mesh.vertex_count() * options.dimension => e,
+            _ => {
+                let e = Embedding::compute(&surface.mesh, &surface.topology, options, &self.bars)?;
+                self.bars.finish();
+                if let Err(error) = self.cache.put(&key, &e.to_bytes()) {
+                    self.warn(&format!("the embedding is not cached: {error}"));
+                }
+                e
+            }
+        };
+        for warning in &embedding.warnings {
+            self.warn(&format!("{}: {warning}", surface.mesh.name));
+        }
+        surface.embedding = Some(embedding);
+        self.watch.lap("embed");
+        Ok(())
+    }
+
+    /// The beginning of every report.
+    pub(crate) fn report(&self, command: &str) -> Value {
+        let d = self.engine.description();
+        let stages = |f: &dyn Fn(&barymap::tools::stopwatch::StageTime) -> Option<f64>| -> Value {
+            self.watch.stages().iter().filter_map(|s| f(s).map(|x| (s.name.to_string(), json!(x)))).collect::<serde_json::Map<_, _>>().into()
+        };
+        json!({
+            "command": command,
+            "version": env!("CARGO_PKG_VERSION"),
+            "backend": {"kind": d.backend, "name": d.name, "driver": d.driver},
+            "seconds": stages(&|s| Some(s.seconds)),
+            "cpu_seconds": stages(&|s| s.cpu_seconds),
+        })
+    }
+
+    /// Writes the report where one is asked for.
+    pub(crate) fn write_report(&self, report: &Value) -> Result<()> {
+        match &self.common.report {
+            Some(path) => barymap::io::report::write_report(path, report),
+            None => Ok(()),
+        }
+    }
+
+    /// The progress receiver.
+    pub(crate) fn progress(&self) -> &dyn Progress {
+        &self.bars
+    }
+}
+
+/// A mesh with its adjacency and, once made, its embedding.
+pub(crate) struct Surface {
+    pub(crate) mesh: Mesh,
+    pub(crate) topology: Topology,
+    pub(crate) embedding: Option<Embedding>,
+}
+
+impl Surface {
+    pub(crate) fn shape(&self) -> Shape<'_> {
+        Shape { mesh: &self.mesh, topology: &self.topology, embedding: self.embedding.as_ref() }
+    }
+
+    /// Finds anchors on this mesh and names those that were moved to it.
+    pub(crate) fn resolve(&self, list: &AnchorList, session: &Session<'_>) -> Result<Vec<SurfacePoint>> {
+        let closest = ClosestPoints::new(&self.mesh, &self.topology);
+        let nearest = |p| closest.nearest(p).unwrap_or((SurfacePoint::new(0, [1.0, 0.0, 0.0]), f64::INFINITY));
+        let resolved = list.resolve(&self.mesh, &self.topology, &nearest)?;
+        let moved = resolved.iter().map(|r| r.snap_distance).fold(0.0, f64::max);
+        if moved > 0.0 {
+            session.warn(&format!("anchors given by position were moved by up to {moved:.3e} onto {}", self.mesh.name));
+        }
+        Ok(resolved.iter().map(|r| r.point).collect())
+    }
+}
+
+/// Reads anchor pairs and finds them on their meshes.
+pub(crate) fn anchor_pairs(path: &str, source: &Surface, target: &Surface, session: &Session<'_>) -> Result<AnchorPairs> {
+    let file = barymap::io::anchors::read_pairs(path)?;
+    let pairs = AnchorPairs { source: source.resolve(&file.source, session)?, target: target.resolve(&file.target, session)? };
+    for warning in pairs.check((&source.mesh, &source.topology), (&target.mesh, &target.topology))? {
+        session.warn(&warning);
+    }
+    Ok(pairs)
+}
+
+/// Options of the embedding, for the commands that need one.
+#[derive(Args, Clone, Copy, Debug)]
+pub(crate) struct EmbeddingArguments {
+    /// Number of landmarks
+    #[arg(long, default_value_t = EmbeddingOptions::default().landmarks)]
+    pub(crate) landmarks: usize,
+    /// How landmarks are chosen
+    #[arg(long, value_enum, default_value = "farthest")]
+    pub(crate) sampling: SamplingName,
+    /// Dimension of the embedding: 4, 8, 12 or 16
+    #[arg(long, default_value_t = 8)]
+    pub(crate) dimension: usize,
+}
+
+/// Names of the samplings.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum SamplingName {
+    Farthest,
+    Decimation,
+}
+
+impl EmbeddingArguments {
+    pub(crate) fn options(&self) -> EmbeddingOptions {
+        EmbeddingOptions {
+            landmarks: self.landmarks,
+            sampling: match self.sampling {
+                SamplingName::Farthest => barymap::surface::Sampling::FarthestPoint,
+                SamplingName::Decimation => barymap::surface::Sampling::Decimation,
+            },
+            dimension: self.dimension,
+            ..EmbeddingOptions::default()
+        }
+    }
+}
+
+/// Fails early where several outputs could not be written.
+pub(crate) fn check_outputs<'p>(paths: impl IntoIterator<Item = &'p Path>) -> Result<()> {
+    paths.into_iter().try_for_each(|p| barymap::io::output::check_writable(p))
+}
+
+/// `WxH` or one number for a square.
+pub(crate) fn size(text: &str) -> std::result::Result<(u32, u32), String> {
+    let parse = |s: &str| s.trim().parse::<u32>().map_err(|_| format!("{text:?} is no size: write 2048 or 2048x1024"));
+    match text.split_once(['x', 'X']) {
+        Some((w, h)) => Ok((parse(w)?, parse(h)?)),
+        None => parse(text).map(|n| (n, n)),
+    }
+}
+
+/// An [`Error::Option`] for a wrong combination of options.
+pub(crate) fn usage(option: &str, what: &str, remedy: &str) -> Error {
+    Error::option(option, what, remedy)
+}

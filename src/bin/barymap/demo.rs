@@ -1,0 +1,109 @@
+//! `barymap demo`: the main job on built-in characters.
+
+use std::path::PathBuf;
+
+use barymap::geometry::SurfacePoint;
+use barymap::models::character_pair;
+use barymap::raster::{Image, Pixels};
+use barymap::surface::AnchorPairs;
+use barymap::surface::quality::summarise;
+use barymap::tools::render::{Coloring, RenderOptions, render, side_by_side};
+use barymap::tools::vertex_map::vertex_map;
+use barymap::{Error, Result};
+use image::RgbaImage;
+use serde_json::json;
+
+use crate::common::{Common, EmbeddingArguments, SamplingName, Session};
+use crate::method::MethodName;
+use crate::transfer::{FilterName, Job, Look, Textures, summary};
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct Arguments {
+    /// Folder for the results
+    #[arg(long, default_value = "out")]
+    out: PathBuf,
+    /// Number of anchor pairs
+    #[arg(long, default_value_t = 93)]
+    anchors: usize,
+    /// How points are carried
+    #[arg(long, value_enum, default_value = "transport")]
+    method: MethodName,
+    /// Side of the texture
+    #[arg(long, default_value_t = 2048)]
+    size: u32,
+}
+
+pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
+    std::fs::create_dir_all(&arguments.out)
+        .map_err(|e| Error::io(&arguments.out, e, "Choose a folder that can be written with --out"))?;
+    let path = |name: &str| arguments.out.join(name);
+    let mut session = Session::start(common)?;
+    let pair = character_pair();
+    let texture = pair.source.texture(2048);
+    let (source_points, target_points) = pair.anchors(arguments.anchors);
+    let anchors = AnchorPairs { source: source_points, target: target_points };
+    let (mut source, mut target) = (session.surface(pair.source.mesh.clone())?, session.surface(pair.target.mesh.clone())?);
+    anchors.check((&source.mesh, &source.topology), (&target.mesh, &target.topology))?;
+    session.watch.lap("models");
+    let outputs = [path("texture.png")];
+    let job = Job {
+        layers: &[Textures::single(from_rgba(&texture)?)],
+        anchors: &anchors,
+        method: arguments.method,
+        embedding: &EmbeddingArguments { landmarks: 1000, sampling: SamplingName::Farthest, dimension: 8 },
+        look: &Look {
+            size: (arguments.size, arguments.size),
+            margin: 16,
+            coverage: Some(path("coverage.png")),
+            model: Some(path("model.glb")),
+            linear_light: false,
+            filter: FilterName::Anisotropic,
+            supersample: 1,
+        },
+        outputs: &outputs,
+    };
+    let (result, map, mut report) = job.run(&mut session, "demo", &mut source, &mut target)?;
+
+    let vertices = vertex_map((&source.mesh, &source.topology), (&target.mesh, &target.topology), map.as_ref())?;
+    let unit = source.mesh.area().sqrt();
+    let errors: Vec<f64> = pair
+        .truth
+        .iter()
+        .zip(&vertices.positions)
+        .filter_map(|(truth, image)| image.map(|p| p.distance(truth.position(&source.mesh)) / unit))
+        .collect();
+    let e = summarise(&errors);
+    report["error"] = json!({"mean": e.mean, "median": e.median, "p95": e.p95, "max": e.max});
+
+    let view = RenderOptions { width: 900, height: 1100, ..RenderOptions::default() };
+    let transferred = to_rgba(&result.layers[0])?;
+    let before = render(&source.mesh, Coloring::Texture(&texture), &anchors.source, &view)?;
+    let after = render(&target.mesh, Coloring::Texture(&transferred), &[] as &[SurfacePoint], &view)?;
+    let picture = side_by_side(&[before, after], 20, [255; 4])?;
+    barymap::io::write_image(&from_rgba(&picture)?, path("demo.png"))?;
+    barymap::io::write_image(&from_rgba(&texture)?, path("source_texture.png"))?;
+    barymap::io::report::write_report(path("report.json"), &report)?;
+    session.write_report(&report)?;
+    summary(&session, &outputs[0], &result, &report);
+    session.say(&format!(
+        "true error over the square root of the area: mean {:.4}, median {:.4}, 95 % {:.4}, largest {:.3}",
+        e.mean, e.median, e.p95, e.max
+    ));
+    session.say(&format!("look at {} and {}", path("demo.png").display(), path("model.glb").display()));
+    Ok(())
+}
+
+/// An 8-bit RGBA picture of the image crate as one of ours.
+pub(crate) fn from_rgba(image: &RgbaImage) -> Result<Image> {
+    Image::new(image.width(), image.height(), 4, Pixels::U8(image.as_raw().clone()))
+}
+
+/// A picture as 8-bit RGBA.
+pub(crate) fn to_rgba(image: &Image) -> Result<RgbaImage> {
+    let converted = image.converted(4, barymap::raster::Depth::U8)?;
+    let Pixels::U8(samples) = converted.pixels else {
+        return Err(Error::input("the picture is not 8-bit", "Report this as a fault"));
+    };
+    RgbaImage::from_raw(image.width, image.height, samples)
+        .ok_or_else(|| Error::input("the picture has too few samples", "Report this as a fault"))
+}

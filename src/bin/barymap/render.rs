@@ -1,0 +1,88 @@
+//! `barymap render`: a shaded picture of a mesh.
+
+use std::path::PathBuf;
+
+use barymap::Result;
+use barymap::geometry::NONE;
+use barymap::tools::render::{Coloring, RenderOptions, render};
+use image::RgbaImage;
+
+use crate::common::{Common, Session, check_outputs, size};
+use crate::demo::{from_rgba, to_rgba};
+use crate::transfer::own_textures;
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct Arguments {
+    /// The mesh
+    mesh: PathBuf,
+    /// Its texture; without it the textures of its materials are taken
+    #[arg(long)]
+    texture: Option<PathBuf>,
+    /// Anchors to draw, as a file for this one mesh
+    #[arg(long)]
+    anchors: Option<PathBuf>,
+    /// Write each anchor's number beside it
+    #[arg(long)]
+    numbers: bool,
+    /// Where the camera stands: azimuth and elevation in degrees
+    #[arg(long, default_value = "20,8", value_parser = view, allow_hyphen_values = true)]
+    view: (f64, f64),
+    /// Size of the picture: one number, or WIDTHxHEIGHT
+    #[arg(long, default_value = "800", value_parser = size)]
+    size: (u32, u32),
+    /// Draw the triangles' edges
+    #[arg(long)]
+    wireframe: bool,
+    /// The picture: PNG, JPEG, TIFF or EXR
+    #[arg(long, short)]
+    output: PathBuf,
+}
+
+fn view(text: &str) -> std::result::Result<(f64, f64), String> {
+    let wrong = || format!("{text:?} is no view: write azimuth,elevation in degrees, for example 20,8");
+    let (a, e) = text.split_once(',').ok_or_else(wrong)?;
+    Ok((a.trim().parse().map_err(|_| wrong())?, e.trim().parse().map_err(|_| wrong())?))
+}
+
+pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
+    check_outputs([arguments.output.as_path()])?;
+    barymap::io::image_file::check_image_extension(&arguments.output)?;
+    let mut session = Session::start_on_cpu(common)?;
+    let surface = session.mesh(&arguments.mesh)?;
+    let anchors = match &arguments.anchors {
+        Some(path) => surface.resolve(&barymap::io::anchors::read_single(path)?, &session)?,
+        None => Vec::new(),
+    };
+    let single = arguments.texture.as_ref().map(|p| to_rgba(&barymap::io::read_image(p)?)).transpose()?;
+    let own = match &single {
+        None if surface.mesh.has_texcoords() => own_textures(&surface).ok(),
+        _ => None,
+    };
+    let own_images: Vec<RgbaImage> =
+        own.iter().flat_map(|t| &t.images).map(to_rgba).collect::<Result<_>>()?;
+    let materials: Vec<Option<&RgbaImage>> = own
+        .iter()
+        .flat_map(|t| &t.material_texture)
+        .map(|&i| if i == NONE { None } else { own_images.get(i as usize) })
+        .collect();
+    let coloring = match &single {
+        Some(image) => Coloring::Texture(image),
+        None if !materials.is_empty() => Coloring::Materials(&materials),
+        None => Coloring::Plain([190, 190, 196]),
+    };
+    let options = RenderOptions {
+        width: arguments.size.0,
+        height: arguments.size.1,
+        azimuth: arguments.view.0,
+        elevation: arguments.view.1,
+        wireframe: arguments.wireframe,
+        anchor_numbers: arguments.numbers,
+        ..RenderOptions::default()
+    };
+    let picture = render(&surface.mesh, coloring, &anchors, &options)?;
+    session.watch.lap("render");
+    barymap::io::write_image(&from_rgba(&picture)?, &arguments.output)?;
+    session.say(&format!("{}: {} x {}", arguments.output.display(), options.width, options.height));
+    let report = session.report("render");
+    session.write_report(&report)
+}
