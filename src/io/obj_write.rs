@@ -1,5 +1,6 @@
 //! Writing Wavefront OBJ.
 
+use std::collections::HashSet;
 use std::fmt::Write as _;
 use std::io::Write;
 use std::path::{Component, Path, PathBuf};
@@ -38,16 +39,17 @@ fn write_statements(mesh: &Mesh, path: &Path, w: &mut impl Write) -> std::io::Re
     for n in &mesh.normals {
         writeln!(w, "vn {:?} {:?} {:?}", n.x, n.y, n.z)?;
     }
+    let materials = material_names(mesh);
     let (mut group, mut material) = (NONE, NONE);
     for p in 0..mesh.polygon_count() {
         // A statement without a name ends the group or material before it.
         if mesh.polygon_group(p) != group {
             group = mesh.polygon_group(p);
-            writeln!(w, "g {}", mesh.groups.get(group as usize).map_or("", |g| g))?;
+            writeln!(w, "g {}", mesh.groups.get(group as usize).map_or_else(String::new, |g| one_line(g)))?;
         }
         if mesh.polygon_material(p) != material {
             material = mesh.polygon_material(p);
-            writeln!(w, "usemtl {}", mesh.materials.get(material as usize).map_or("", |m| &m.name))?;
+            writeln!(w, "usemtl {}", materials.get(material as usize).map_or("", |m| m))?;
         }
         write!(w, "f")?;
         for c in mesh.polygon(p) {
@@ -63,11 +65,31 @@ fn write_statements(mesh: &Mesh, path: &Path, w: &mut impl Write) -> std::io::Re
     Ok(())
 }
 
+/// A name of another format as OBJ can hold it: on one line, not empty, not ending in the sign that joins lines.
+fn one_line(name: &str) -> String {
+    let name: String = name.trim().chars().map(|c| if c.is_control() { '_' } else { c }).collect();
+    let end = name.trim_end_matches('\\').len();
+    if end == 0 { "_".to_owned() } else { name[..end].to_owned() }
+}
+
+/// The materials' names, each once: OBJ knows a material by its name.
+fn material_names(mesh: &Mesh) -> Vec<String> {
+    let mut taken = HashSet::new();
+    let unique = |(k, m): (usize, &Material)| {
+        let mut name = one_line(&m.name);
+        while !taken.insert(name.clone()) {
+            name.push_str(&format!("_{k}"));
+        }
+        name
+    };
+    mesh.materials.iter().enumerate().map(unique).collect()
+}
+
 /// The MTL text; writes embedded textures on the way.
 fn material_library(mesh: &Mesh, path: &Path) -> Result<String> {
     let mut text = String::new();
-    for (k, material) in mesh.materials.iter().enumerate() {
-        let Material { name, base_color: [r, g, b, a], .. } = material;
+    for (k, (material, name)) in mesh.materials.iter().zip(material_names(mesh)).enumerate() {
+        let Material { base_color: [r, g, b, a], .. } = material;
         // Writing to a string cannot fail.
         let _ = write!(text, "newmtl {name}\nKd {r:?} {g:?} {b:?}\n");
         if *a != 1.0 {
@@ -165,5 +187,28 @@ mod tests {
             let changed = parse_obj(changed.as_bytes(), &dir.path().join("a/in.obj")).unwrap().mesh;
             assert!(difference(&first, &changed).is_some(), "{from} -> {to}");
         }
+    }
+
+    #[test]
+    fn names_of_other_formats_cannot_break_the_file() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut builder = crate::geometry::MeshBuilder::new("m");
+        builder.mesh.positions = vec![glam::DVec3::ZERO, glam::DVec3::X, glam::DVec3::Y];
+        builder.mesh.groups = vec!["a\nf 1 1 1".into(), "b\\".into(), " ".into()];
+        let texture: std::sync::Arc<[u8]> = b"\x89PNG"[..].into();
+        builder.mesh.materials = ["m\r\nx", "m__x", "", ""]
+            .map(|name| Material { name: name.into(), embedded_texture: Some(texture.clone()), ..Material::default() })
+            .to_vec();
+        for k in 0..4 {
+            (builder.group, builder.material) = (k % 3, k);
+            builder.polygon([0, 1, 2].map(|vertex| crate::geometry::Corner { vertex, texcoord: NONE, normal: NONE }));
+        }
+        let path = dir.path().join("out.obj");
+        write_obj(&builder.build(), &path).unwrap();
+        let back = read_obj(&path).unwrap();
+        assert!(back.warnings.is_empty(), "{:?}", back.warnings);
+        assert_eq!((back.mesh.triangle_count(), back.mesh.groups.len(), back.mesh.materials.len()), (4, 3, 4));
+        let textures: HashSet<_> = back.mesh.materials.iter().map(|m| m.base_color_texture.clone().unwrap()).collect();
+        assert!(textures.len() == 4 && textures.iter().all(|t| std::fs::read(t).unwrap() == *texture));
     }
 }

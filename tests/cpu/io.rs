@@ -120,7 +120,7 @@ fn bad_meshes_give_a_clear_error_or_the_right_mesh() {
         ("notenoughindices.obj", Ok((1, "fewer than three corners were left out: 1"))),
         ("obj_wireframe.obj", Err("no face with three")),
         ("payload_JVN42386607.ply", Err("declared twice")),
-        ("test-nan.obj", Err("line 26: the position of vertex 0 (line 12) is not finite")),
+        ("test-nan.obj", Err("line 27: the position of vertex 0 (line 12) is not finite")),
         ("tobj_invalid_index.obj", Err("line 12: a face refers to vertex 7, the file has 6")),
     ];
     for (name, expected) in cases {
