@@ -1,0 +1,5 @@
+//! Tests that need no graphics adapter.
+
+#[path = "../common/mod.rs"]
+mod common;
+mod embedding;
