@@ -33,9 +33,7 @@ fn torus(n: u32, m: u32, thickness: f64, offset: DVec3) -> (Vec<DVec3>, Vec<[u32
     let at = |i: u32, j: u32| i % n * m + j % m;
     let t = (0..n * m)
         .map(|k| (k / m, k % m))
-        .flat_map(|(i, j)| {
-            [[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]]
-        })
+        .flat_map(|(i, j)| [[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]])
         .collect();
     (p, t)
 }
@@ -79,9 +77,7 @@ fn a_flat_sheet_is_embedded_without_distortion() {
     let at = |i, j| i * (n + 1) + j;
     let t: Vec<[u32; 3]> = (0..n * n)
         .map(|k| (k / n, k % n))
-        .flat_map(|(i, j)| {
-            [[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]]
-        })
+        .flat_map(|(i, j)| [[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]])
         .collect();
     let mesh = Mesh::from_triangles("sheet", p, &t);
     let e = embed(&mesh, &few());
@@ -221,7 +217,8 @@ fn damaged_meshes_do_not_panic() {
 
 #[test]
 fn real_meshes_of_any_genus_and_with_boundary() {
-    for (file, bound) in [("mesh/3holes_7k.obj", 0.08), ("mesh/alligator_6k.obj", 0.08), ("mesh/fertility_9k.obj", 0.12)]
+    for (file, bound) in
+        [("mesh/3holes_7k.obj", 0.08), ("mesh/alligator_6k.obj", 0.08), ("mesh/fertility_9k.obj", 0.12)]
     {
         let Some(mesh) = load(file) else { return };
         let e = embed(&mesh, &EmbeddingOptions { landmarks: 400, ..EmbeddingOptions::default() });
