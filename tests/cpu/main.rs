@@ -1,5 +1,8 @@
 //! Tests of the CPU side through the public interface, on real data where `BARYMAP_DATA` names it; no graphics device is touched.
 
+#[path = "../common/mod.rs"]
+mod common;
+mod embedding;
 mod io;
 mod shaders;
 mod transfer;

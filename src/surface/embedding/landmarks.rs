@@ -3,6 +3,8 @@
 use std::collections::HashMap;
 use std::time::Instant;
 
+use glam::DVec3;
+
 use super::parts::Part;
 use super::{EmbeddingOptions, Sampling, Seconds};
 use crate::geometry::sampling::farthest_points;
@@ -11,6 +13,9 @@ use crate::progress::Progress;
 
 /// Distances closer to zero than this part of the largest are raised to it: their weights would drown all others.
 const LEAST_DISTANCE: f64 = 1e-6;
+/// Edges between landmarks chosen by decimation are no longer than this many times their mean spacing, so that flat parts keep some. Measured
+/// between 2 (like farthest points) and infinity (as in the paper): 3 to 4 is best on bodies and not much worse than farthest points on tori.
+const LANDMARK_EDGE: f64 = 3.0;
 /// Edges of the mid-level mesh are no longer than this many times the spacing of its vertices.
 const MID_EDGE: f64 = 3.0;
 
@@ -29,6 +34,7 @@ pub(crate) fn choose(
     progress: &dyn Progress,
 ) -> Landmarks {
     let clock = Instant::now();
+    progress.stage("simplification", 1);
     let n = part.vertices.len();
     let mid = options.mid_level.max(4 * count);
     let all: Vec<u32> = (0..n as u32).collect();
@@ -40,8 +46,9 @@ pub(crate) fn choose(
     }
     seconds.simplification += clock.elapsed().as_secs_f64();
     let clock = Instant::now();
+    progress.stage("landmarks", 1);
     let own: HashMap<u32, u32> = vertices.iter().enumerate().map(|(i, &v)| (v, i as u32)).collect();
-    let positions: Vec<_> = vertices.iter().map(|&v| part.positions[v as usize]).collect();
+    let positions: Vec<DVec3> = vertices.iter().map(|&v| part.positions[v as usize]).collect();
     let local: Vec<[u32; 3]> = triangles.iter().map(|t| t.map(|v| own[&v])).collect();
     let geodesics = Geodesics::new(&positions, &local);
     let chosen: Vec<u32> = if count >= vertices.len() {
@@ -49,15 +56,7 @@ pub(crate) fn choose(
     } else {
         match options.sampling {
             Sampling::FarthestPoint => farthest_points(&geodesics, 0, count),
-            Sampling::Decimation => {
-                let unbounded = SimplifyOptions { vertices: count, longest_edge: f64::INFINITY };
-                let mut left = simplify(&positions, &local, &unbounded).vertices;
-                // Topology can forbid going as low as asked for.
-                if left.len() > count + count / 4 {
-                    left = farthest_points(&geodesics, 0, count);
-                }
-                left
-            }
+            Sampling::Decimation => decimated(part, &geodesics, &positions, &local, count),
         }
     };
     seconds.sampling += clock.elapsed().as_secs_f64();
@@ -74,4 +73,21 @@ pub(crate) fn choose(
         .collect();
     seconds.geodesics += clock.elapsed().as_secs_f64();
     Landmarks { vertices: chosen.into_iter().map(|v| vertices[v as usize]).collect(), distances }
+}
+
+/// The vertices that simplification to `count` leaves over.
+fn decimated(
+    part: &Part,
+    geodesics: &Geodesics,
+    positions: &[DVec3],
+    triangles: &[[u32; 3]],
+    count: usize,
+) -> Vec<u32> {
+    let longest_edge = LANDMARK_EDGE * (part.area / count as f64).sqrt();
+    let mut left = simplify(positions, triangles, &SimplifyOptions { vertices: count, longest_edge });
+    if left.vertices.len() > count {
+        left = simplify(positions, &left.triangles, &SimplifyOptions { vertices: count, longest_edge: f64::INFINITY });
+    }
+    // Topology and vertices without a fan can forbid going as low as asked for.
+    if left.vertices.len() > count + count / 4 { farthest_points(geodesics, 0, count) } else { left.vertices }
 }
