@@ -1,8 +1,9 @@
 //! `sample_texture`: the colour of a texel, averaged over its footprint on the source's texture.
 //!
-//! The footprint's matrix takes the texel's square to a parallelogram, read as an ellipse with its singular values as widths. Its
-//! narrow side chooses the level of the mip chain, and taps are spread along its wide side (Schilling, Knittel and Strasser 1996,
-//! "Texram"; the same arithmetic as EXT_texture_filter_anisotropic).
+//! The footprint's matrix takes the texel's square to a parallelogram, read as an ellipse with its singular values as widths. Taps are
+//! spread along its wide side (Schilling, Knittel and Strasser 1996, "Texram"; EXT_texture_filter_anisotropic) and, unlike there,
+//! two across its narrow side: boxes of half its width put together are much closer to the footprint than one blurred box of all of it
+//! (25 against 17 dB on a chequered texture reduced four times, see the tests).
 
 use rayon::prelude::*;
 
@@ -35,7 +36,7 @@ pub enum Filter {
 pub struct SampleParams {
     /// How the texture is averaged.
     pub filter: Filter,
-    /// Largest number of taps along the wide side, 1 to 16.
+    /// Largest number of taps along the wide side, 1 to 16; there are at most two across.
     pub taps: u32,
     /// Channels of the output; pictures with fewer are widened (grey to colour, alpha 1).
     pub channels: u32,
@@ -124,10 +125,10 @@ struct Taps {
     centre: [f32; 2],
     /// Level of the mip chain, with fraction.
     level: f32,
-    /// Number of taps.
-    count: u32,
-    /// The wide side of the ellipse, over which they are spread.
-    wide: [f32; 2],
+    /// Number of taps along and across.
+    count: [u32; 2],
+    /// The sides of the ellipse, wide and narrow, over which they are spread.
+    sides: [[f32; 2]; 2],
 }
 
 impl Taps {
@@ -135,8 +136,9 @@ impl Taps {
     fn new(f: &Footprint, size: [u32; 2], params: &SampleParams) -> Self {
         let s = size.map(|n| n as f32);
         let centre = [f.centre[0] * s[0], f.centre[1] * s[1]];
+        let one = |level: f32| Self { centre, level, count: [1; 2], sides: [[0.0; 2]; 2] };
         if params.filter == Filter::Bilinear {
-            return Self { centre, level: 0.0, count: 1, wide: [0.0; 2] };
+            return one(0.0);
         }
         let (dx, dy) = ([f.dx[0] * s[0], f.dx[1] * s[1]], [f.dy[0] * s[0], f.dy[1] * s[1]]);
         // Eigenvalues of M M^T are the squares of the widths.
@@ -145,21 +147,31 @@ impl Taps {
         let root = (half * half + b * b).sqrt();
         let wide = (mean + root).sqrt();
         if !(wide > 1.0 + SLACK) {
-            return Self { centre, level: 0.0, count: 1, wide: [0.0; 2] };
+            return one(0.0);
+        }
+        if params.filter == Filter::Trilinear {
+            return one(wide.log2());
         }
         // The product of the widths is the determinant: no cancellation.
-        let narrow = ((dx[0] * dy[1] - dx[1] * dy[0]).abs() / wide).max(1.0);
-        let narrow = if narrow <= 1.0 + SLACK { 1.0 } else { narrow };
-        if params.filter == Filter::Trilinear {
-            return Self { centre, level: wide.log2(), count: 1, wide: [0.0; 2] };
-        }
+        let narrow = (dx[0] * dy[1] - dx[1] * dy[0]).abs() / wide;
         let most = params.taps.clamp(1, 16) as f32;
-        let count = (wide / narrow - SLACK).ceil().clamp(1.0, most);
-        let level = narrow.max(wide / most).log2();
+        // Distance of taps, and width of the boxes they see.
+        let step = (0.5 * narrow).max(wide / most).max(1.0);
+        let along = (wide / step - SLACK).ceil().clamp(1.0, most);
+        let across = if narrow / step > 1.0 + SLACK { 2.0 } else { 1.0 };
         let axis = if half >= 0.0 { [half + root, b] } else { [b, root - half] };
         let length = (axis[0] * axis[0] + axis[1] * axis[1]).sqrt();
-        let wide = if length > 0.0 { [axis[0] / length * wide, axis[1] / length * wide] } else { [wide, 0.0] };
-        Self { centre, level, count: count as u32, wide }
+        let unit = if length > 0.0 { [axis[0] / length, axis[1] / length] } else { [1.0, 0.0] };
+        let sides = [[unit[0] * wide, unit[1] * wide], [-unit[1] * narrow, unit[0] * narrow]];
+        Self { centre, level: step.log2(), count: [along as u32, across as u32], sides }
+    }
+
+    /// Place of tap (i, j).
+    #[inline]
+    fn place(&self, i: u32, j: u32) -> [f32; 2] {
+        let at = |k: u32, n: u32| (k as f32 + 0.5) / n as f32 - 0.5;
+        let (s, t) = (at(i, self.count[0]), at(j, self.count[1]));
+        [0, 1].map(|a| self.centre[a] + s * self.sides[0][a] + t * self.sides[1][a])
     }
 }
 
@@ -177,19 +189,20 @@ impl<T: Sample, const C: usize> Texture<'_, T, C> {
         let lower = level.floor();
         let fraction = level - lower;
         let mut sum = [0.0; C];
-        let share = 1.0 / taps.count as f32;
-        for i in 0..taps.count {
-            let t = (i as f32 + 0.5) * share - 0.5;
-            let p = [taps.centre[0] + t * taps.wide[0], taps.centre[1] + t * taps.wide[1]];
-            let mut color = self.bilinear(lower as usize, p);
-            if fraction > 0.0 {
-                let above = self.bilinear(lower as usize + 1, p);
-                for c in 0..C {
-                    color[c] += fraction * (above[c] - color[c]);
+        let share = 1.0 / (taps.count[0] * taps.count[1]) as f32;
+        for j in 0..taps.count[1] {
+            for i in 0..taps.count[0] {
+                let p = taps.place(i, j);
+                let mut color = self.bilinear(lower as usize, p);
+                if fraction > 0.0 {
+                    let above = self.bilinear(lower as usize + 1, p);
+                    for c in 0..C {
+                        color[c] += fraction * (above[c] - color[c]);
+                    }
                 }
-            }
-            for c in 0..C {
-                sum[c] += share * color[c];
+                for c in 0..C {
+                    sum[c] += share * color[c];
+                }
             }
         }
         sum
