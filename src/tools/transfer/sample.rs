@@ -157,13 +157,14 @@ impl Taps {
         let most = params.taps.clamp(1, 16) as f32;
         // Distance of taps, and width of the boxes they see.
         let step = (0.5 * narrow).max(wide / most).max(1.0);
-        let along = (wide / step - SLACK).ceil().clamp(1.0, most);
-        let across = if narrow / step > 1.0 + SLACK { 2.0 } else { 1.0 };
+        let along = (-floor(SLACK - wide / step)).clamp(1, most as i32);
+        let across = if narrow / step > 1.0 + SLACK { 2 } else { 1 };
         let axis = if half >= 0.0 { [half + root, b] } else { [b, root - half] };
         let length = (axis[0] * axis[0] + axis[1] * axis[1]).sqrt();
         let unit = if length > 0.0 { [axis[0] / length, axis[1] / length] } else { [1.0, 0.0] };
         let sides = [[unit[0] * wide, unit[1] * wide], [-unit[1] * narrow, unit[0] * narrow]];
-        Self { centre, level: step.log2(), count: [along as u32, across as u32], sides }
+        let level = if step > 1.0 { step.log2() } else { 0.0 };
+        Self { centre, level, count: [along as u32, across], sides }
     }
 
     /// Place of tap (i, j).
@@ -186,16 +187,18 @@ impl<T: Sample, const C: usize> Texture<'_, T, C> {
     fn sample(&self, f: &Footprint, params: &SampleParams) -> [f32; C] {
         let taps = Taps::new(f, self.size, params);
         let level = taps.level.min(self.levels.len() as f32);
-        let lower = level.floor();
-        let fraction = level - lower;
+        let lower = floor(level).max(0) as usize;
+        let fraction = level - lower as f32;
+        // Half of the reads are saved where they would not show.
+        let fraction = if fraction > SLACK { fraction } else { 0.0 };
         let mut sum = [0.0; C];
         let share = 1.0 / (taps.count[0] * taps.count[1]) as f32;
         for j in 0..taps.count[1] {
             for i in 0..taps.count[0] {
                 let p = taps.place(i, j);
-                let mut color = self.bilinear(lower as usize, p);
+                let mut color = self.bilinear(lower, p);
                 if fraction > 0.0 {
-                    let above = self.bilinear(lower as usize + 1, p);
+                    let above = self.bilinear(lower + 1, p);
                     for c in 0..C {
                         color[c] += fraction * (above[c] - color[c]);
                     }
@@ -225,6 +228,13 @@ impl<T: Sample, const C: usize> Texture<'_, T, C> {
     }
 }
 
+/// The largest integer not above `x`; without SSE 4.1, `f32::floor` is a call.
+#[inline]
+fn floor(x: f32) -> i32 {
+    let toward_zero = x as i32;
+    toward_zero.saturating_sub(i32::from(toward_zero as f32 > x))
+}
+
 /// `index` modulo `n`, not negative.
 #[inline]
 fn wrap(index: i32, n: u32) -> usize {
@@ -235,10 +245,10 @@ fn wrap(index: i32, n: u32) -> usize {
 fn bilinear<const C: usize>(size: [u32; 2], p: [f32; 2], texel: impl Fn(usize) -> [f32; C]) -> [f32; C] {
     let x = p[0] - 0.5;
     let y = p[1] - 0.5;
-    let (fx, fy) = (x.floor(), y.floor());
-    let (wx, wy) = (x - fx, y - fy);
-    let columns = [wrap(fx as i32, size[0]), wrap((fx as i32).saturating_add(1), size[0])];
-    let rows = [wrap(fy as i32, size[1]), wrap((fy as i32).saturating_add(1), size[1])];
+    let (fx, fy) = (floor(x), floor(y));
+    let (wx, wy) = (x - fx as f32, y - fy as f32);
+    let columns = [wrap(fx, size[0]), wrap(fx.saturating_add(1), size[0])];
+    let rows = [wrap(fy, size[1]), wrap(fy.saturating_add(1), size[1])];
     let w = size[0] as usize;
     let t = rows.map(|r| columns.map(|c| texel(r * w + c)));
     let mut out = [0.0; C];
