@@ -1,3 +1,20 @@
 //! Shapes and characters made by code, so that tests, examples and the demonstration need no files.
+//!
+//! The characters are Catmull-Clark surfaces of one control cage with different measures and poses, cut into triangles
+//! independently. Corresponding points have the same parameters on the cage, so the true correspondence is known everywhere.
 
+mod atlas;
+mod body;
+mod cage;
+mod cast;
+mod character;
+mod paint;
+mod pair;
+mod sampling;
 pub mod shapes;
+mod subdivision;
+
+pub use cage::Part;
+pub use character::Character;
+pub use pair::{ModelPair, character_pair, stout, strider};
+pub use subdivision::Parameter;

@@ -55,7 +55,13 @@ impl WeightedPoints {
             8 => Box::new(Solver::<8>::new(shape, anchors)?),
             12 => Box::new(Solver::<12>::new(shape, anchors)?),
             16 => Box::new(Solver::<16>::new(shape, anchors)?),
-            d => return Err(Error::option("dimension", format!("{d} is not 4, 8, 12 or 16"), "Embed with one of these")),
+            d => {
+                return Err(Error::option(
+                    "dimension",
+                    format!("{d} is not 4, 8, 12 or 16"),
+                    "Embed with one of these",
+                ));
+            }
         }))
     }
 
@@ -64,7 +70,10 @@ impl WeightedPoints {
     /// # Errors
     /// If a point is not on the mesh.
     pub fn weights(&self, points: &[SurfacePoint]) -> Result<Vec<f64>> {
-        match points.iter().position(|p| p.face as usize >= self.0.faces() || !p.barycentric.iter().all(|x| x.is_finite())) {
+        match points
+            .iter()
+            .position(|p| p.face as usize >= self.0.faces() || !p.barycentric.iter().all(|x| x.is_finite()))
+        {
             None => Ok(self.0.weights(points)),
             Some(i) => Err(Error::input(
                 format!("point {i} (face {}) is not on the mesh of {} faces", points[i].face, self.0.faces()),

@@ -2,8 +2,8 @@
 
 use crate::error::Result;
 use crate::geometry::{Geodesics, March};
-use crate::surface::correspondence::{CorrespondenceOptions, Method, Shape, correspondence};
 use crate::surface::AnchorPairs;
+use crate::surface::correspondence::{CorrespondenceOptions, Method, Shape, correspondence};
 
 use super::vertex_map::vertex_map;
 
@@ -52,7 +52,8 @@ pub fn cover(
             good += area;
         }
     }
-    let usable: Vec<[u32; 3]> = (0..mesh.triangle_count()).filter(|&t| topology.usable[t]).map(|t| mesh.triangle(t)).collect();
+    let usable: Vec<[u32; 3]> =
+        (0..mesh.triangle_count()).filter(|&t| topology.usable[t]).map(|t| mesh.triangle(t)).collect();
     let geodesics = Geodesics::new(&mesh.positions, &usable);
     let mut march = March::default();
     geodesics.clear(&mut march);

@@ -24,11 +24,7 @@ pub struct VertexMap {
 ///
 /// # Errors
 /// Those of the map.
-pub fn vertex_map(
-    source: (&Mesh, &Topology),
-    target: (&Mesh, &Topology),
-    map: &dyn PointMap,
-) -> Result<VertexMap> {
+pub fn vertex_map(source: (&Mesh, &Topology), target: (&Mesh, &Topology), map: &dyn PointMap) -> Result<VertexMap> {
     let (mesh, topology) = target;
     let mut vertices = Vec::new();
     let mut points = Vec::new();
@@ -48,10 +44,8 @@ pub fn vertex_map(
     let on_source: Vec<Option<SurfacePoint>> = images.iter().map(|i| i.point()).collect();
     let positions: Vec<Option<DVec3>> = on_source.iter().map(|p| p.map(|p| p.position(source.0))).collect();
     let source_normals = vertex_normals(source.0, source.1);
-    let normals: Vec<DVec3> = on_source
-        .iter()
-        .map(|p| p.map_or(DVec3::ZERO, |p| normal_at(source.0, &source_normals, &p)))
-        .collect();
+    let normals: Vec<DVec3> =
+        on_source.iter().map(|p| p.map_or(DVec3::ZERO, |p| normal_at(source.0, &source_normals, &p))).collect();
     let (mut all, mut valid) = (0.0, 0.0);
     for t in (0..mesh.triangle_count()).filter(|&t| topology.usable[t]) {
         let area = mesh.triangle_area(t);

@@ -61,7 +61,8 @@ fn bytes(text: &str) -> std::result::Result<u64, String> {
         'G' => 1 << 30,
         _ => return Err(format!("{text:?} is no size: write 4G, 512M or a number of bytes")),
     };
-    let number: u64 = digits.trim().parse().map_err(|_| format!("{text:?} is no size: write 4G, 512M or a number of bytes"))?;
+    let number: u64 =
+        digits.trim().parse().map_err(|_| format!("{text:?} is no size: write 4G, 512M or a number of bytes"))?;
     number.checked_mul(factor).filter(|&n| n > 0).ok_or_else(|| format!("{text:?} is out of range"))
 }
 
@@ -90,7 +91,8 @@ impl<'a> Session<'a> {
         if let Some(report) = &common.report {
             barymap::io::output::check_writable(report)?;
         }
-        let engine = Engine::new(EngineOptions { backend, adapter: common.adapter.clone(), ..EngineOptions::default() })?;
+        let engine =
+            Engine::new(EngineOptions { backend, adapter: common.adapter.clone(), ..EngineOptions::default() })?;
         let session = Self {
             common,
             engine,
@@ -174,7 +176,12 @@ impl<'a> Session<'a> {
     pub(crate) fn report(&self, command: &str) -> Value {
         let d = self.engine.description();
         let stages = |f: &dyn Fn(&barymap::tools::stopwatch::StageTime) -> Option<f64>| -> Value {
-            self.watch.stages().iter().filter_map(|s| f(s).map(|x| (s.name.to_string(), json!(x)))).collect::<serde_json::Map<_, _>>().into()
+            self.watch
+                .stages()
+                .iter()
+                .filter_map(|s| f(s).map(|x| (s.name.to_string(), json!(x))))
+                .collect::<serde_json::Map<_, _>>()
+                .into()
         };
         json!({
             "command": command,
@@ -225,9 +232,15 @@ impl Surface {
 }
 
 /// Reads anchor pairs and finds them on their meshes.
-pub(crate) fn anchor_pairs(path: &str, source: &Surface, target: &Surface, session: &Session<'_>) -> Result<AnchorPairs> {
+pub(crate) fn anchor_pairs(
+    path: &str,
+    source: &Surface,
+    target: &Surface,
+    session: &Session<'_>,
+) -> Result<AnchorPairs> {
     let file = barymap::io::anchors::read_pairs(path)?;
-    let pairs = AnchorPairs { source: source.resolve(&file.source, session)?, target: target.resolve(&file.target, session)? };
+    let pairs =
+        AnchorPairs { source: source.resolve(&file.source, session)?, target: target.resolve(&file.target, session)? };
     for warning in pairs.check((&source.mesh, &source.topology), (&target.mesh, &target.topology))? {
         session.warn(&warning);
     }

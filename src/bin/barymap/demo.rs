@@ -42,7 +42,8 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let texture = pair.source.texture(2048);
     let (source_points, target_points) = pair.anchors(arguments.anchors);
     let anchors = AnchorPairs { source: source_points, target: target_points };
-    let (mut source, mut target) = (session.surface(pair.source.mesh.clone())?, session.surface(pair.target.mesh.clone())?);
+    let (mut source, mut target) =
+        (session.surface(pair.source.mesh.clone())?, session.surface(pair.target.mesh.clone())?);
     anchors.check((&source.mesh, &source.topology), (&target.mesh, &target.topology))?;
     session.watch.lap("models");
     let outputs = [path("texture.png")];

@@ -58,8 +58,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         None if surface.mesh.has_texcoords() => own_textures(&surface).ok(),
         _ => None,
     };
-    let own_images: Vec<RgbaImage> =
-        own.iter().flat_map(|t| &t.images).map(to_rgba).collect::<Result<_>>()?;
+    let own_images: Vec<RgbaImage> = own.iter().flat_map(|t| &t.images).map(to_rgba).collect::<Result<_>>()?;
     let materials: Vec<Option<&RgbaImage>> = own
         .iter()
         .flat_map(|t| &t.material_texture)

@@ -74,7 +74,6 @@ pub(crate) enum FilterName {
     Anisotropic,
     Trilinear,
     Bilinear,
-    Nearest,
 }
 
 impl Look {
@@ -88,7 +87,6 @@ impl Look {
                 FilterName::Anisotropic => Filter::Anisotropic,
                 FilterName::Trilinear => Filter::Trilinear,
                 FilterName::Bilinear => Filter::Bilinear,
-                FilterName::Nearest => Filter::Nearest,
             },
             memory,
             ..TransferOptions::default()
@@ -120,10 +118,17 @@ fn textures(arguments: &Arguments, source: &Surface) -> Result<Vec<Textures>> {
         return arguments.texture.iter().map(|t| barymap::io::read_image(t).map(Textures::single)).collect();
     }
     if named.len() != arguments.texture.len() {
-        return Err(usage("--texture", "some textures name a material and others do not", "Name a material for each, or for none"));
+        return Err(usage(
+            "--texture",
+            "some textures name a material and others do not",
+            "Name a material for each, or for none",
+        ));
     }
-    let mut layer =
-        Textures { images: Vec::new(), material_texture: vec![NONE; source.mesh.materials.len()], default_texture: NONE };
+    let mut layer = Textures {
+        images: Vec::new(),
+        material_texture: vec![NONE; source.mesh.materials.len()],
+        default_texture: NONE,
+    };
     for (name, file) in named {
         for (m, material) in source.mesh.materials.iter().enumerate() {
             if material.name == name {
@@ -143,8 +148,11 @@ fn split<'t>(text: &'t str, source: &Surface) -> Option<(&'t str, &'t str)> {
 
 /// The textures that the source's own materials name.
 pub(crate) fn own_textures(source: &Surface) -> Result<Textures> {
-    let mut layer =
-        Textures { images: Vec::new(), material_texture: vec![NONE; source.mesh.materials.len()], default_texture: NONE };
+    let mut layer = Textures {
+        images: Vec::new(),
+        material_texture: vec![NONE; source.mesh.materials.len()],
+        default_texture: NONE,
+    };
     for (m, material) in source.mesh.materials.iter().enumerate() {
         let image = match (&material.embedded_texture, &material.base_color_texture) {
             (Some(bytes), _) => barymap::io::image_file::decode_image(bytes, &source.mesh.name)?,
@@ -155,7 +163,11 @@ pub(crate) fn own_textures(source: &Surface) -> Result<Textures> {
         layer.images.push(image);
     }
     if layer.images.is_empty() {
-        return Err(usage("--texture", &format!("{} names no texture", source.mesh.name), "Give it with --texture FILE"));
+        return Err(usage(
+            "--texture",
+            &format!("{} names no texture", source.mesh.name),
+            "Give it with --texture FILE",
+        ));
     }
     Ok(layer)
 }
@@ -302,6 +314,9 @@ pub(crate) fn summary(session: &Session<'_>, output: &Path, result: &TransferOut
         session.engine.description(),
     ));
     if s.overlapping > 0 {
-        session.warn(&format!("{} texels belong to several triangles of the target; the lowest one is shown", s.overlapping));
+        session.warn(&format!(
+            "{} texels belong to several triangles of the target; the lowest one is shown",
+            s.overlapping
+        ));
     }
 }

@@ -43,7 +43,12 @@ pub(crate) struct ForwardArguments {
     embedding: EmbeddingArguments,
 }
 
-fn prepare(session: &mut Session<'_>, mesh: &PathBuf, anchors: &PathBuf, e: &EmbeddingArguments) -> Result<(crate::common::Surface, Vec<SurfacePoint>)> {
+fn prepare(
+    session: &mut Session<'_>,
+    mesh: &PathBuf,
+    anchors: &PathBuf,
+    e: &EmbeddingArguments,
+) -> Result<(crate::common::Surface, Vec<SurfacePoint>)> {
     let mut surface = session.mesh(mesh)?;
     let list = barymap::io::anchors::read_single(anchors)?;
     let points = surface.resolve(&list, session)?;
@@ -59,7 +64,12 @@ pub(crate) fn inverse(common: &Common, arguments: &InverseArguments) -> Result<(
     let weights = WeightedPoints::new(surface.shape(), &anchors)?.weights(&points)?;
     session.watch.lap("inverse");
     barymap::io::npy::write_npy(&arguments.output, anchors.len(), &weights)?;
-    session.say(&format!("{}: weights of {} points, {} anchors", arguments.output.display(), points.len(), anchors.len()));
+    session.say(&format!(
+        "{}: weights of {} points, {} anchors",
+        arguments.output.display(),
+        points.len(),
+        anchors.len()
+    ));
     let mut report = session.report("weights");
     report["points"] = json!(points.len());
     report["anchors"] = json!(anchors.len());

@@ -206,7 +206,6 @@ impl<S: Real, const D: usize> WeightedAverages<S, D> {
             status: status as u32,
         }
     }
-
 }
 
 impl<S: LaneScalar, const D: usize> WeightedAverages<S, D> {

@@ -13,7 +13,7 @@ use crate::geometry::NONE;
 use crate::surface::PackedPoint;
 
 /// Texels along a side of a bin.
-pub const BIN: u32 = 16;
+pub const BIN: u32 = 8;
 /// Steps of the grid that texture coordinates are snapped to, per texel.
 pub const SUBTEXEL: i32 = 256;
 

@@ -4,12 +4,12 @@ use rayon::prelude::*;
 
 use super::atlas::{AtlasTexel, Tile, rasterize_atlas};
 use super::bins::{Atlas, Bins};
-use super::footprint::{Footprint, MappedTexel, footprint};
-use crate::tools::stopwatch::Stopwatch;
+use super::footprint::{Footprint, Located, footprint, locate};
 use super::tables::{SourceTriangle, TargetTriangle};
 use crate::error::{Error, Result};
 use crate::geometry::NONE;
 use crate::surface::{PackedImage, PackedPoint, PointMap, Status};
+use crate::tools::stopwatch::Stopwatch;
 
 /// Barycentric coordinates may leave the triangle by this much, as a map's rounding.
 const SLACK: f32 = 1e-2;
@@ -100,11 +100,6 @@ impl<'a> Window<'a> {
         Ok(())
     }
 
-    fn at(&self, x: usize, y: usize) -> MappedTexel {
-        let i = (y - self.rows.start) * self.width + x;
-        MappedTexel { texel: self.texels[i], image: self.images[i] }
-    }
-
     /// Footprints of the texels of `rows`, row after row.
     pub(super) fn footprints(
         &self,
@@ -112,22 +107,35 @@ impl<'a> Window<'a> {
         source: &[SourceTriangle],
         footprints: &mut Vec<Footprint>,
     ) {
+        // Each task looks its texels up once, with a row on either side.
+        const TASK: usize = 16;
+        let width = self.width;
         footprints.clear();
-        footprints.resize(rows.len() * self.width, Footprint::NOWHERE);
-        footprints.par_chunks_mut(self.width).enumerate().for_each(|(r, out)| {
-            let y = rows.start + r;
-            for (x, out) in out.iter_mut().enumerate() {
-                let texel = self.at(x, y);
-                if !texel.texel.is_covered() {
+        footprints.resize(rows.len() * width, Footprint::NOWHERE);
+        footprints.par_chunks_mut(width * TASK).enumerate().for_each(|(task, out)| {
+            let first = rows.start + task * TASK;
+            let end = first + out.len() / width;
+            let (low, high) = (first.saturating_sub(1), (end + 1).min(self.height));
+            let range = (low - self.rows.start) * width..(high - self.rows.start) * width;
+            let (texels, images) = (&self.texels[range.clone()], &self.images[range]);
+            let located: Vec<Located> =
+                texels.iter().zip(images).map(|(t, i)| locate(t, i, source, &self.target)).collect();
+            for (i, out) in out.iter_mut().enumerate() {
+                let (x, y) = (i % width, first + i / width);
+                let at = (y - low) * width + x;
+                let here = &located[at];
+                if here.face == NONE {
                     continue;
                 }
+                let beside = |inside: bool, index: usize| if inside { &located[index] } else { &Located::NOWHERE };
                 let neighbours = [
-                    (x > 0).then(|| self.at(x - 1, y)),
-                    (x + 1 < self.width).then(|| self.at(x + 1, y)),
-                    (y > 0).then(|| self.at(x, y - 1)),
-                    (y + 1 < self.height).then(|| self.at(x, y + 1)),
+                    beside(x > 0, at.wrapping_sub(1)),
+                    beside(x + 1 < width, at + 1),
+                    beside(y > 0, at.wrapping_sub(width)),
+                    beside(y + 1 < self.height, at + width),
                 ];
-                *out = footprint(&texel, &neighbours, source, &self.target);
+                let expected = &self.target[texels[at].face as usize];
+                *out = footprint(here, neighbours, &source[here.face as usize], expected);
             }
         });
     }

@@ -11,7 +11,6 @@ use super::mip::MipChain;
 use super::pad::pad_seams;
 use super::plan::Plan;
 use super::sample::{SampleParams, sample_texture};
-use crate::tools::stopwatch::Stopwatch;
 use super::tables::{source_triangles, target_triangles};
 use super::{LARGEST_SIDE, TransferOptions, TransferOutput, TransferStats, coverage};
 use crate::error::{Error, Result};
@@ -19,6 +18,7 @@ use crate::geometry::{Mesh, NONE};
 use crate::progress::Progress;
 use crate::raster::{Image, Pixels};
 use crate::surface::PointMap;
+use crate::tools::stopwatch::Stopwatch;
 
 /// Transfers the `layers` of `source` onto the texture of `target`.
 ///

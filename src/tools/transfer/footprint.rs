@@ -31,73 +31,83 @@ impl Footprint {
     pub const NOWHERE: Self = Self { centre: [0.0; 2], dx: [0.0; 2], dy: [0.0; 2], face: NONE };
 }
 
-/// A texel's target point and source image.
-#[derive(Clone, Copy, Debug)]
-pub struct MappedTexel {
-    /// What the texel shows of the target.
-    pub texel: AtlasTexel,
-    /// Where that is on the source.
-    pub image: PackedImage,
+/// Where a texel's point lies on the source.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct Located {
+    /// Position, in the units of [`SourceTriangle::position`].
+    pub position: [f32; 3],
+    /// Texture coordinates, in the units of [`SourceTriangle::texcoord`].
+    pub texcoord: [f32; 2],
+    /// Triangle of the source, or [`NONE`] if there is no colour.
+    pub face: u32,
+    /// Chart of the source.
+    pub chart: u32,
+    /// Chart of the target if the texel's centre is covered, else [`NONE`]: only such texels have meaningful differences.
+    pub target_chart: u32,
 }
 
-/// Rounds off to nothing where the map is the identity.
-fn at(triangle: &SourceTriangle, image: &PackedImage) -> ([f32; 3], [f32; 2]) {
+impl Located {
+    /// No colour.
+    pub const NOWHERE: Self =
+        Self { position: [0.0; 3], texcoord: [0.0; 2], face: NONE, chart: NONE, target_chart: NONE };
+}
+
+/// Looks up where a texel's point lies on the source: nowhere if its image is nowhere, failed, or without texture coordinates.
+#[inline]
+pub fn locate(
+    texel: &AtlasTexel,
+    image: &PackedImage,
+    source: &[SourceTriangle],
+    target: &[TargetTriangle],
+) -> Located {
+    if texel.face == NONE || image.face == NONE || image.status() == Status::Failed {
+        return Located::NOWHERE;
+    }
+    let triangle = &source[image.face as usize];
+    if triangle.chart == NONE {
+        return Located::NOWHERE;
+    }
     let (b0, b1) = (image.b0, image.b1);
     let b2 = 1.0 - b0 - b1;
-    let p = &triangle.position;
-    let q = &triangle.texcoord;
-    (
-        [0, 1, 2].map(|a| b0 * p[0][a] + b1 * p[1][a] + b2 * p[2][a]),
-        [0, 1].map(|a| b0 * q[0][a] + b1 * q[1][a] + b2 * q[2][a]),
-    )
+    let (p, q) = (&triangle.position, &triangle.texcoord);
+    Located {
+        position: [0, 1, 2].map(|a| b0 * p[0][a] + b1 * p[1][a] + b2 * p[2][a]),
+        texcoord: [0, 1].map(|a| b0 * q[0][a] + b1 * q[1][a] + b2 * q[2][a]),
+        face: image.face,
+        chart: triangle.chart,
+        target_chart: if texel.is_centre() { target[texel.face as usize].chart } else { NONE },
+    }
 }
 
-/// The footprint of a texel from its image and those of its neighbours to the left, right, above and below.
+/// The footprint of a texel from where it and its neighbours to the left, right, above and below lie ([`Located::NOWHERE`] beyond the
+/// texture's border).
 ///
 /// Differences of positions in space are turned into texture coordinates by the gradient of the texel's own source triangle, so
 /// that seams of the source's texture do not matter; where both images are of one chart and their texture coordinates differ by
 /// no more than that suggests, that difference is taken itself, being exact. Neighbours count if their centres are
 /// covered, by the same chart, with a usable image that is not across a jump. What is missing is filled in from the ratio of areas.
-///
-/// No colour where the image is nowhere, failed, or its triangle has no texture coordinates.
+#[inline]
 pub fn footprint(
-    texel: &MappedTexel,
-    neighbours: &[Option<MappedTexel>; 4],
-    source: &[SourceTriangle],
-    target: &[TargetTriangle],
+    located: &Located,
+    neighbours: [&Located; 4],
+    triangle: &SourceTriangle,
+    expected: &TargetTriangle,
 ) -> Footprint {
-    let image = &texel.image;
-    if texel.texel.face == NONE || image.face == NONE || image.status() == Status::Failed {
-        return Footprint::NOWHERE;
-    }
-    let triangle = &source[image.face as usize];
-    if triangle.chart == NONE {
-        return Footprint::NOWHERE;
-    }
-    let expected = &target[texel.texel.face as usize];
-    let (position, centre) = at(triangle, image);
-    let difference = |neighbour: &Option<MappedTexel>, sign: f32, step: f32| -> Option<[f32; 2]> {
-        let n = neighbour.as_ref()?;
-        let usable = texel.texel.is_centre()
-            && n.texel.is_centre()
-            && n.image.face != NONE
-            && n.image.status() != Status::Failed
-            && target[n.texel.face as usize].chart == expected.chart;
-        if !usable {
+    let difference = |n: &Located, sign: f32, step: f32| -> Option<[f32; 2]> {
+        if located.target_chart == NONE || n.target_chart != located.target_chart {
             return None;
         }
-        let other = &source[n.image.face as usize];
-        let (p, q) = at(other, &n.image);
-        let d = [0, 1, 2].map(|a| sign * (p[a] - position[a]));
+        let d = [0, 1, 2].map(|a| sign * (n.position[a] - located.position[a]));
         if dot3(&d, &d) > (JUMP * step) * (JUMP * step) {
             return None;
         }
-        let predicted = triangle.gradient.map(|g| dot3(&g, &d));
-        let direct = [0, 1].map(|a| sign * (q[a] - centre[a]));
+        let predicted = [dot3(&triangle.gradient[0], &d), dot3(&triangle.gradient[1], &d)];
+        let direct = [0, 1].map(|a| sign * (n.texcoord[a] - located.texcoord[a]));
         let near = dot2(direct, direct) <= AGREE * AGREE * dot2(predicted, predicted);
-        Some(if other.chart == triangle.chart && near { direct } else { predicted })
+        Some(if n.chart == located.chart && near { direct } else { predicted })
     };
-    let axis = |before: &Option<MappedTexel>, after: &Option<MappedTexel>, step: f32| match (
+    let axis = |before: &Located, after: &Located, step: f32| match (
         difference(before, -1.0, step),
         difference(after, 1.0, step),
     ) {
@@ -115,18 +125,21 @@ pub fn footprint(
     };
     let [left, right, above, below] = neighbours;
     let area = expected.texel_area * triangle.density;
-    let side = area.sqrt();
     let (dx, dy) = match (axis(left, right, expected.step[0]), axis(above, below, expected.step[1])) {
         (Some(x), Some(y)) => (x, y),
-        (Some(x), None) => (x, across(x, area, side)),
-        (None, Some(y)) => (across(y, area, side), y),
-        (None, None) => ([side, 0.0], [0.0, side]),
+        (Some(x), None) => (x, across(x, area)),
+        (None, Some(y)) => (across(y, area), y),
+        (None, None) => {
+            let side = area.sqrt();
+            ([side, 0.0], [0.0, side])
+        }
     };
-    Footprint { centre, dx, dy, face: image.face }
+    Footprint { centre: located.texcoord, dx, dy, face: located.face }
 }
 
-/// A vector at a right angle to `v` that spans `area` with it, within a factor of two of `side`.
-fn across(v: [f32; 2], area: f32, side: f32) -> [f32; 2] {
+/// A vector at a right angle to `v` that spans `area` with it, within a factor of two of the side of a square of that area.
+fn across(v: [f32; 2], area: f32) -> [f32; 2] {
+    let side = area.sqrt();
     let length = dot2(v, v).sqrt();
     if length > 0.0 {
         let other = (area / length).clamp(0.5 * side, 2.0 * side) / length;

@@ -21,14 +21,13 @@ mod driver;
 mod layer;
 mod plan;
 
-
+pub use crate::tools::stopwatch::StageTime;
 pub use bins::UvRegion;
 pub use driver::transfer;
 pub use layer::Layer;
 pub use mip::{Alpha, Encoding};
 pub use plan::memory_needed;
 pub use sample::Filter;
-pub use crate::tools::stopwatch::StageTime;
 
 use crate::raster::Image;
 

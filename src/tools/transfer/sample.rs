@@ -1,8 +1,9 @@
 //! `sample_texture`: the colour of a texel, averaged over its footprint on the source's texture.
 //!
-//! The footprint's matrix takes the texel's square to a parallelogram, read as an ellipse with its singular values as widths. Its
-//! narrow side chooses the level of the mip chain, and taps are spread along its wide side (Schilling, Knittel and Strasser 1996,
-//! "Texram"; the same arithmetic as EXT_texture_filter_anisotropic).
+//! The footprint's matrix takes the texel's square to a parallelogram, read as an ellipse with its singular values as widths. Taps are
+//! spread along its wide side (Schilling, Knittel and Strasser 1996, "Texram"; EXT_texture_filter_anisotropic) and, unlike there,
+//! two across its narrow side: boxes of half its width put together are much closer to the footprint than one blurred box of all of it
+//! (25 against 17 dB on a chequered texture reduced four times, see the tests).
 
 use rayon::prelude::*;
 
@@ -35,7 +36,7 @@ pub enum Filter {
 pub struct SampleParams {
     /// How the texture is averaged.
     pub filter: Filter,
-    /// Largest number of taps along the wide side, 1 to 16.
+    /// Largest number of taps along the wide side, 1 to 16; there are at most two across.
     pub taps: u32,
     /// Channels of the output; pictures with fewer are widened (grey to colour, alpha 1).
     pub channels: u32,
@@ -124,10 +125,10 @@ struct Taps {
     centre: [f32; 2],
     /// Level of the mip chain, with fraction.
     level: f32,
-    /// Number of taps.
-    count: u32,
-    /// The wide side of the ellipse, over which they are spread.
-    wide: [f32; 2],
+    /// Number of taps along and across.
+    count: [u32; 2],
+    /// The sides of the ellipse, wide and narrow, over which they are spread.
+    sides: [[f32; 2]; 2],
 }
 
 impl Taps {
@@ -135,8 +136,9 @@ impl Taps {
     fn new(f: &Footprint, size: [u32; 2], params: &SampleParams) -> Self {
         let s = size.map(|n| n as f32);
         let centre = [f.centre[0] * s[0], f.centre[1] * s[1]];
+        let one = |level: f32| Self { centre, level, count: [1; 2], sides: [[0.0; 2]; 2] };
         if params.filter == Filter::Bilinear {
-            return Self { centre, level: 0.0, count: 1, wide: [0.0; 2] };
+            return one(0.0);
         }
         let (dx, dy) = ([f.dx[0] * s[0], f.dx[1] * s[1]], [f.dy[0] * s[0], f.dy[1] * s[1]]);
         // Eigenvalues of M M^T are the squares of the widths.
@@ -145,21 +147,32 @@ impl Taps {
         let root = (half * half + b * b).sqrt();
         let wide = (mean + root).sqrt();
         if !(wide > 1.0 + SLACK) {
-            return Self { centre, level: 0.0, count: 1, wide: [0.0; 2] };
+            return one(0.0);
+        }
+        if params.filter == Filter::Trilinear {
+            return one(wide.log2());
         }
         // The product of the widths is the determinant: no cancellation.
-        let narrow = ((dx[0] * dy[1] - dx[1] * dy[0]).abs() / wide).max(1.0);
-        let narrow = if narrow <= 1.0 + SLACK { 1.0 } else { narrow };
-        if params.filter == Filter::Trilinear {
-            return Self { centre, level: wide.log2(), count: 1, wide: [0.0; 2] };
-        }
+        let narrow = (dx[0] * dy[1] - dx[1] * dy[0]).abs() / wide;
         let most = params.taps.clamp(1, 16) as f32;
-        let count = (wide / narrow - SLACK).ceil().clamp(1.0, most);
-        let level = narrow.max(wide / most).log2();
+        // Distance of taps, and width of the boxes they see.
+        let step = (0.5 * narrow).max(wide / most).max(1.0);
+        let along = (-floor(SLACK - wide / step)).clamp(1, most as i32);
+        let across = if narrow / step > 1.0 + SLACK { 2 } else { 1 };
         let axis = if half >= 0.0 { [half + root, b] } else { [b, root - half] };
         let length = (axis[0] * axis[0] + axis[1] * axis[1]).sqrt();
-        let wide = if length > 0.0 { [axis[0] / length * wide, axis[1] / length * wide] } else { [wide, 0.0] };
-        Self { centre, level, count: count as u32, wide }
+        let unit = if length > 0.0 { [axis[0] / length, axis[1] / length] } else { [1.0, 0.0] };
+        let sides = [[unit[0] * wide, unit[1] * wide], [-unit[1] * narrow, unit[0] * narrow]];
+        let level = if step > 1.0 { step.log2() } else { 0.0 };
+        Self { centre, level, count: [along as u32, across], sides }
+    }
+
+    /// Place of tap (i, j).
+    #[inline]
+    fn place(&self, i: u32, j: u32) -> [f32; 2] {
+        let at = |k: u32, n: u32| (k as f32 + 0.5) / n as f32 - 0.5;
+        let (s, t) = (at(i, self.count[0]), at(j, self.count[1]));
+        [0, 1].map(|a| self.centre[a] + s * self.sides[0][a] + t * self.sides[1][a])
     }
 }
 
@@ -174,22 +187,25 @@ impl<T: Sample, const C: usize> Texture<'_, T, C> {
     fn sample(&self, f: &Footprint, params: &SampleParams) -> [f32; C] {
         let taps = Taps::new(f, self.size, params);
         let level = taps.level.min(self.levels.len() as f32);
-        let lower = level.floor();
-        let fraction = level - lower;
+        let lower = floor(level).max(0) as usize;
+        let fraction = level - lower as f32;
+        // Half of the reads are saved where they would not show.
+        let fraction = if fraction > SLACK { fraction } else { 0.0 };
         let mut sum = [0.0; C];
-        let share = 1.0 / taps.count as f32;
-        for i in 0..taps.count {
-            let t = (i as f32 + 0.5) * share - 0.5;
-            let p = [taps.centre[0] + t * taps.wide[0], taps.centre[1] + t * taps.wide[1]];
-            let mut color = self.bilinear(lower as usize, p);
-            if fraction > 0.0 {
-                let above = self.bilinear(lower as usize + 1, p);
-                for c in 0..C {
-                    color[c] += fraction * (above[c] - color[c]);
+        let share = 1.0 / (taps.count[0] * taps.count[1]) as f32;
+        for j in 0..taps.count[1] {
+            for i in 0..taps.count[0] {
+                let p = taps.place(i, j);
+                let mut color = self.bilinear(lower, p);
+                if fraction > 0.0 {
+                    let above = self.bilinear(lower + 1, p);
+                    for c in 0..C {
+                        color[c] += fraction * (above[c] - color[c]);
+                    }
                 }
-            }
-            for c in 0..C {
-                sum[c] += share * color[c];
+                for c in 0..C {
+                    sum[c] += share * color[c];
+                }
             }
         }
         sum
@@ -212,6 +228,13 @@ impl<T: Sample, const C: usize> Texture<'_, T, C> {
     }
 }
 
+/// The largest integer not above `x`; without SSE 4.1, `f32::floor` is a call.
+#[inline]
+fn floor(x: f32) -> i32 {
+    let toward_zero = x as i32;
+    toward_zero.saturating_sub(i32::from(toward_zero as f32 > x))
+}
+
 /// `index` modulo `n`, not negative.
 #[inline]
 fn wrap(index: i32, n: u32) -> usize {
@@ -222,10 +245,10 @@ fn wrap(index: i32, n: u32) -> usize {
 fn bilinear<const C: usize>(size: [u32; 2], p: [f32; 2], texel: impl Fn(usize) -> [f32; C]) -> [f32; C] {
     let x = p[0] - 0.5;
     let y = p[1] - 0.5;
-    let (fx, fy) = (x.floor(), y.floor());
-    let (wx, wy) = (x - fx, y - fy);
-    let columns = [wrap(fx as i32, size[0]), wrap((fx as i32).saturating_add(1), size[0])];
-    let rows = [wrap(fy as i32, size[1]), wrap((fy as i32).saturating_add(1), size[1])];
+    let (fx, fy) = (floor(x), floor(y));
+    let (wx, wy) = (x - fx as f32, y - fy as f32);
+    let columns = [wrap(fx, size[0]), wrap(fx.saturating_add(1), size[0])];
+    let rows = [wrap(fy, size[1]), wrap(fy.saturating_add(1), size[1])];
     let w = size[0] as usize;
     let t = rows.map(|r| columns.map(|c| texel(r * w + c)));
     let mut out = [0.0; C];

@@ -70,7 +70,7 @@ pub fn source_triangles(mesh: &Mesh) -> Result<Vec<SourceTriangle>> {
     let texcoords = |t: usize| mesh.triangle_texcoords(t).map(|uv| uv.map(|p| DVec2::new(p.x, 1.0 - p.y)));
     for (t, &c) in chart.iter().enumerate() {
         let Some(uv) = texcoords(t) else { continue };
-        if !uv.iter().all(|p| p.abs().max_element() <= 1e6) {
+        if !uv.iter().all(|p| p.x.abs() <= 1e6 && p.y.abs() <= 1e6) {
             return Err(Error::mesh(
                 &mesh.name,
                 format!("triangle {t} has the texture coordinates {:?}", mesh.triangle_texcoords(t)),

@@ -1,6 +1,8 @@
 //! Texture transfer: exact coverage, padding and mip chains; footprints; whole transfers through simple maps.
 
 mod atlas;
+mod cases;
+mod filter;
 mod pictures;
 mod whole;
 

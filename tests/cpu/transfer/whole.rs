@@ -1,19 +1,17 @@
 //! Whole transfers through simple maps.
 
-use barymap::geometry::{Mesh, NONE};
+use barymap::geometry::Mesh;
 use barymap::progress::Quiet;
 use barymap::raster::{Image, Pixels};
 use barymap::surface::{PackedImage, PackedPoint, PointMap, Status};
-use barymap::tools::transfer::{
-    Alpha, Background, Filter, Layer, TransferOptions, TransferOutput, UvRegion, coverage, memory_needed, transfer,
-};
+use barymap::tools::transfer::{Background, Layer, TransferOptions, TransferOutput, coverage, memory_needed, transfer};
 use barymap::{Error, Result};
 use glam::DVec2;
 
 use super::{Random, grid, soup};
 
 /// Every point is its own image.
-struct Identity;
+pub(super) struct Identity;
 
 impl PointMap for Identity {
     fn map(&self, points: &[PackedPoint], images: &mut Vec<PackedImage>) -> Result<()> {
@@ -30,10 +28,10 @@ impl PointMap for Identity {
 }
 
 /// A function of the unit square from a flat target to a flat source, both with their texture coordinates as positions.
-struct Planar<'a, F> {
-    source: &'a Mesh,
-    target: &'a Mesh,
-    function: F,
+pub(super) struct Planar<'a, F> {
+    pub(super) source: &'a Mesh,
+    pub(super) target: &'a Mesh,
+    pub(super) function: F,
 }
 
 impl<F: Fn(DVec2) -> (DVec2, Status) + Sync> PointMap for Planar<'_, F> {
@@ -59,21 +57,27 @@ impl<F: Fn(DVec2) -> (DVec2, Status) + Sync> PointMap for Planar<'_, F> {
     }
 }
 
-fn noise(width: u32, height: u32, channels: u32, seed: u64) -> Image {
+pub(super) fn noise(width: u32, height: u32, channels: u32, seed: u64) -> Image {
     let mut r = Random(seed);
     let samples = (0..width * height * channels).map(|_| r.next() as u8).collect();
     Image::new(width, height, channels, Pixels::U8(samples)).expect("picture")
 }
 
-fn options(width: u32, height: u32) -> TransferOptions {
+pub(super) fn options(width: u32, height: u32) -> TransferOptions {
     TransferOptions { width, height, ..TransferOptions::default() }
 }
 
-fn run(source: &Mesh, image: &Image, target: &Mesh, map: &dyn PointMap, options: &TransferOptions) -> TransferOutput {
+pub(super) fn run(
+    source: &Mesh,
+    image: &Image,
+    target: &Mesh,
+    map: &dyn PointMap,
+    options: &TransferOptions,
+) -> TransferOutput {
     transfer(source, &[Layer::single("colour", image)], target, map, options, &Quiet).expect("transfer")
 }
 
-fn bytes(image: &Image) -> &[u8] {
+pub(super) fn bytes(image: &Image) -> &[u8] {
     match &image.pixels {
         Pixels::U8(v) => v,
         _ => panic!("8 bits expected"),
