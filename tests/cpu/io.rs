@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use barymap::geometry::{Diagnosis, Mesh, Topology};
 use barymap::io::gltf_write::glb_bytes;
 use barymap::io::image_file::{decode_image, encode_png};
-use barymap::raster::{Depth, Image};
 use barymap::io::{anchors, gltf_read, npy, obj, off, ply, read_image, read_mesh, write_obj, write_ply};
+use barymap::raster::{Depth, Image};
 use glam::DVec3;
 use proptest::prelude::*;
 
