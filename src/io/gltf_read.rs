@@ -5,7 +5,8 @@
 //! coordinate. A vertex index counts the vertices that remain, in file order of their first occurrence. Texture coordinates are turned to the OBJ
 //! convention (v = 1 is the top of the picture).
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
+use std::collections::hash_map::{Entry, HashMap};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -77,10 +78,10 @@ impl<'a> SceneReader<'a> {
                 let image = self.document.root.textures.get(texture.index).and_then(|t| t.source);
                 match image {
                     Some(image) => {
-                        if !images.contains_key(&image) {
-                            images.insert(image, self.document.embedded_image(image)?);
-                        }
-                        material.embedded_texture = images[&image].clone();
+                        material.embedded_texture = match images.entry(image) {
+                            Entry::Occupied(known) => known.get().clone(),
+                            Entry::Vacant(new) => new.insert(self.document.embedded_image(image)?).clone(),
+                        };
                         if let (None, Some(uri)) = (&material.embedded_texture, &self.document.root.images[image].uri) {
                             let file = self.document.file(uri)?;
                             if !file.is_file() {
@@ -312,7 +313,7 @@ mod tests {
     fn transforms_multiply_and_reflections_turn_faces() {
         let mut value = triangle();
         value["nodes"] = json!([
-            {"children": [1, 2], "translation": [0, 0, 5], "rotation": [0, 0, 0.70710678, 0.70710678]},
+            {"children": [1, 2], "translation": [0, 0, 5], "rotation": [0, 0, 1, 1]},
             {"mesh": 0, "scale": [2, 2, 2]},
             {"mesh": 0, "matrix": [-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 7, 0, 0, 1]}
         ]);
