@@ -212,7 +212,7 @@ impl<T: Sample, const C: usize> Texture<'_, T, C> {
     }
 
     /// The four texels of a level around a point given in texels of level 0; the texture repeats.
-    #[inline]
+    #[inline(always)]
     fn bilinear(&self, level: usize, p: [f32; 2]) -> [f32; C] {
         if level == 0 {
             bilinear(self.size, p, |t| self.encoding.decode::<T, C>(&self.base[t * C..t * C + C]))
@@ -241,20 +241,20 @@ fn wrap(index: i32, n: u32) -> usize {
     if (0..n as i32).contains(&index) { index as usize } else { index.rem_euclid(n as i32) as usize }
 }
 
-#[inline]
+#[inline(always)]
 fn bilinear<const C: usize>(size: [u32; 2], p: [f32; 2], texel: impl Fn(usize) -> [f32; C]) -> [f32; C] {
     let x = p[0] - 0.5;
     let y = p[1] - 0.5;
     let (fx, fy) = (floor(x), floor(y));
     let (wx, wy) = (x - fx as f32, y - fy as f32);
-    let columns = [wrap(fx, size[0]), wrap(fx.saturating_add(1), size[0])];
-    let rows = [wrap(fy, size[1]), wrap(fy.saturating_add(1), size[1])];
+    let (x0, x1) = (wrap(fx, size[0]), wrap(fx.saturating_add(1), size[0]));
     let w = size[0] as usize;
-    let t = rows.map(|r| columns.map(|c| texel(r * w + c)));
+    let (y0, y1) = (wrap(fy, size[1]) * w, wrap(fy.saturating_add(1), size[1]) * w);
+    let (t00, t01, t10, t11) = (texel(y0 + x0), texel(y0 + x1), texel(y1 + x0), texel(y1 + x1));
     let mut out = [0.0; C];
     for c in 0..C {
-        let top = t[0][0][c] + wx * (t[0][1][c] - t[0][0][c]);
-        let bottom = t[1][0][c] + wx * (t[1][1][c] - t[1][0][c]);
+        let top = t00[c] + wx * (t01[c] - t00[c]);
+        let bottom = t10[c] + wx * (t11[c] - t10[c]);
         out[c] = top + wy * (bottom - top);
     }
     out
