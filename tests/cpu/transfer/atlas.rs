@@ -8,7 +8,7 @@ use glam::DVec2;
 
 use super::{Random, grid, soup};
 
-fn rasterize(mesh: &Mesh, width: u32, height: u32, tile: Tile) -> Vec<AtlasTexel> {
+pub(super) fn rasterize(mesh: &Mesh, width: u32, height: u32, tile: Tile) -> Vec<AtlasTexel> {
     let atlas = Atlas::new(mesh, width, height, UvRegion::Repeat, None, 1 << 24).expect("atlas");
     let bins = Bins::new(&tile, &atlas, 1 << 24).expect("bins");
     let mut texels = vec![AtlasTexel::EMPTY; tile.texels()];
@@ -16,7 +16,7 @@ fn rasterize(mesh: &Mesh, width: u32, height: u32, tile: Tile) -> Vec<AtlasTexel
     texels
 }
 
-fn whole(width: u32, height: u32) -> Tile {
+pub(super) fn whole(width: u32, height: u32) -> Tile {
     Tile { x: 0, y: 0, width, height }
 }
 

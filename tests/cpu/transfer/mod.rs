@@ -4,6 +4,7 @@ mod atlas;
 mod cases;
 mod filter;
 mod pictures;
+mod real;
 mod whole;
 
 use barymap::geometry::{Corner, Mesh, MeshBuilder, NONE};
