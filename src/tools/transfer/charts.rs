@@ -13,9 +13,9 @@ pub fn charts(mesh: &Mesh) -> Vec<u32> {
     let mut corner_ids: HashMap<[u64; 5], u32> = HashMap::new();
     let mut edges: Vec<(u32, u32, u32)> = Vec::with_capacity(3 * n);
     let mut textured = vec![false; n];
-    for t in 0..n {
+    for (t, textured) in textured.iter_mut().enumerate() {
         let Some(uv) = mesh.triangle_texcoords(t) else { continue };
-        textured[t] = true;
+        *textured = true;
         let p = mesh.triangle_positions(t);
         let ids = [0, 1, 2].map(|k| {
             // Adding zero makes -0 and 0 the same bits.

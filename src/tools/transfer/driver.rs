@@ -39,7 +39,12 @@ pub fn transfer(
     check(source, layers, target, options)?;
     let plan = Plan::new(source, layers, target, options)?;
     let mut watch = Stopwatch::new();
-    let table = source_triangles(source)?;
+    let shapes = layers[0].texture_of(source);
+    let table = source_triangles(source, |t| {
+        let image = layers[0].images.get(shapes[t] as usize).unwrap_or(&layers[0].images[0]);
+        [image.width, image.height]
+    })?;
+    drop(shapes);
     let grid = |scale: u32| -> Result<Window<'_>> {
         let size = [options.width * scale, options.height * scale];
         let atlas = Atlas::new(target, size[0], size[1], options.region, options.material, plan.most_triangles)?;

@@ -124,28 +124,29 @@ pub fn footprint(
         (a, b) => a.or(b),
     };
     let [left, right, above, below] = neighbours;
-    let area = expected.texel_area * triangle.density;
+    let (area, stretch) = (expected.texel_area * triangle.density, triangle.stretch);
     let (dx, dy) = match (axis(left, right, expected.step[0]), axis(above, below, expected.step[1])) {
         (Some(x), Some(y)) => (x, y),
-        (Some(x), None) => (x, across(x, area)),
-        (None, Some(y)) => (across(y, area), y),
+        (Some(x), None) => (x, across(x, area, stretch)),
+        (None, Some(y)) => (across(y, area, stretch), y),
         (None, None) => {
             let side = area.sqrt();
-            ([side, 0.0], [0.0, side])
+            ([side / stretch, 0.0], [0.0, side * stretch])
         }
     };
     Footprint { centre: located.texcoord, dx, dy, face: located.face }
 }
 
-/// A vector at a right angle to `v` that spans `area` with it, within a factor of two of the side of a square of that area.
-fn across(v: [f32; 2], area: f32) -> [f32; 2] {
+/// A vector at a right angle to `v`, in texels, that spans `area` with it, within a factor of two of the side of a square of that area.
+fn across(v: [f32; 2], area: f32, stretch: f32) -> [f32; 2] {
     let side = area.sqrt();
-    let length = dot2(v, v).sqrt();
+    let w = [v[0] * stretch, v[1] / stretch];
+    let length = dot2(w, w).sqrt();
     if length > 0.0 {
         let other = (area / length).clamp(0.5 * side, 2.0 * side) / length;
-        [-v[1] * other, v[0] * other]
+        [-w[1] * other / stretch, w[0] * other * stretch]
     } else {
-        [side, 0.0]
+        [side / stretch, 0.0]
     }
 }
 

@@ -16,7 +16,7 @@ pub const COVERED: u8 = 128;
 /// `coverage` is the whole picture; texels from [`COVERED`] on are covered. The texture does not wrap here.
 /// Time O(margin) per uncovered texel; 4 bytes per texel of the rows and of `margin` more on either side.
 pub fn pad_seams(coverage: &[u8], width: usize, rows: std::ops::Range<usize>, margin: u32, nearest: &mut Vec<u32>) {
-    let height = if width == 0 { 0 } else { coverage.len() / width };
+    let height = coverage.len().checked_div(width).unwrap_or(0);
     let columns = nearest_in_columns(coverage, width, height, &rows, margin);
     nearest.clear();
     nearest.resize(rows.len() * width, NONE);

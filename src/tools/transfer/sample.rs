@@ -16,6 +16,8 @@ use crate::raster::Pixels;
 /// Footprints up to this much wider than a texel, or than a whole number of narrow sides, count as no wider, so that rounding
 /// does not blur.
 const SLACK: f32 = 1.0 / 64.0;
+/// Footprints wider than this many texels see the mean of the whole picture.
+const LARGEST_FOOTPRINT: f32 = 1e6;
 /// Texels of one parallel task.
 const TASK: usize = 4096;
 
@@ -135,7 +137,8 @@ impl Taps {
     #[inline]
     fn new(f: &Footprint, size: [u32; 2], params: &SampleParams) -> Self {
         let s = size.map(|n| n as f32);
-        let centre = [f.centre[0] * s[0], f.centre[1] * s[1]];
+        // Far repeats would lose the fraction of a texel, and in the end leave the range of integers.
+        let centre = [0, 1].map(|a| (f.centre[a] - floor(f.centre[a]) as f32) * s[a]);
         let one = |level: f32| Self { centre, level, count: [1; 2], sides: [[0.0; 2]; 2] };
         if params.filter == Filter::Bilinear {
             return one(0.0);
@@ -146,8 +149,11 @@ impl Taps {
         let (mean, half) = (0.5 * (a + c), 0.5 * (a - c));
         let root = (half * half + b * b).sqrt();
         let wide = (mean + root).sqrt();
-        if !(wide > 1.0 + SLACK) {
+        if wide <= 1.0 + SLACK {
             return one(0.0);
+        }
+        if wide.is_nan() || wide > LARGEST_FOOTPRINT {
+            return one(LARGEST_FOOTPRINT);
         }
         if params.filter == Filter::Trilinear {
             return one(wide.log2());

@@ -22,6 +22,8 @@ pub struct SourceTriangle {
     pub density: f32,
     /// Chart, or [`NONE`] without texture coordinates.
     pub chart: u32,
+    /// Square root of width over height of its picture: times u, and over it v, are distances in texels up to a common factor.
+    pub stretch: f32,
 }
 
 /// A triangle of the target.
@@ -35,6 +37,9 @@ pub struct TargetTriangle {
     /// Length of a step of one texel along x and y on the source, if the map kept ratios of lengths, in the same units.
     pub step: [f32; 2],
 }
+
+/// Beyond this, products leave the range of single precision; triangles that thin count as without area.
+const LARGEST: f32 = 1e18;
 
 /// Centre of the used vertices' box and the factor that makes its longest side 1.
 fn frame(mesh: &Mesh) -> (DVec3, f64) {
@@ -58,11 +63,11 @@ fn check_positions(mesh: &Mesh) -> Result<()> {
     Ok(())
 }
 
-/// The table of the source.
+/// The table of the source; `size` gives width and height of the picture of a triangle.
 ///
 /// # Errors
 /// If a position, or a texture coordinate of a textured triangle, is not finite, or a texture coordinate is beyond 1e6.
-pub fn source_triangles(mesh: &Mesh) -> Result<Vec<SourceTriangle>> {
+pub fn source_triangles(mesh: &Mesh, size: impl Fn(usize) -> [u32; 2]) -> Result<Vec<SourceTriangle>> {
     check_positions(mesh)?;
     let (centre, scale) = frame(mesh);
     let chart = charts(mesh);
@@ -88,6 +93,7 @@ pub fn source_triangles(mesh: &Mesh) -> Result<Vec<SourceTriangle>> {
             gradient: [[0.0; 3]; 2],
             density: 0.0,
             chart: chart[t],
+            stretch: (f64::from(size(t)[0]) / f64::from(size(t)[1])).sqrt() as f32,
         };
         let Some(uv) = texcoords(t) else { return out };
         let shift = low[chart[t] as usize].floor();
@@ -101,7 +107,7 @@ pub fn source_triangles(mesh: &Mesh) -> Result<Vec<SourceTriangle>> {
         let (gu, gv) = (g1 * a.x + g2 * b.x, g1 * a.y + g2 * b.y);
         let density = a.perp_dot(b).abs() / square.sqrt();
         let values = [single(gu), single(gv)];
-        if values.iter().flatten().all(|c| c.abs() < 1e18) && (density as f32) < 1e18 {
+        if values.iter().flatten().all(|c| c.abs() < LARGEST) && (density as f32) < LARGEST {
             out.gradient = values;
             out.density = density as f32;
         }
@@ -131,7 +137,7 @@ pub fn target_triangles(target: &Mesh, source: &Mesh, width: u32, height: u32) -
         let x = (e * b.y - f * a.y) / area;
         let y = (f * a.x - e * b.x) / area;
         let values = [x.cross(y).length() as f32, x.length() as f32, y.length() as f32];
-        if values.iter().all(|c| c.is_finite()) {
+        if values.iter().all(|&c| c < LARGEST) {
             out.texel_area = values[0];
             out.step = [values[1], values[2]];
         }

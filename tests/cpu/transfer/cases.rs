@@ -271,3 +271,32 @@ fn every_filter_and_format_runs_on_one_texel() {
         }
     }
 }
+
+/// Wild but finite geometry: whatever comes out, it comes out, with colours between those of the texture.
+#[test]
+fn wild_geometry_neither_panics_nor_invents_colours() {
+    let mut r = super::Random(21);
+    let image = Image::new(7, 5, 1, Pixels::F32((0..35).map(|i| 1.0 + i as f32 / 35.0).collect())).expect("picture");
+    for case in 0..60 {
+        let size = 10.0_f64.powi(case % 20 - 12);
+        let mut wild = |repeats: f64| {
+            let triangles: Vec<[[f64; 2]; 3]> =
+                (0..8).map(|_| [0; 3].map(|_| [0; 2].map(|_| (r.unit() - 0.5) * repeats))).collect();
+            let mut mesh = soup(&triangles);
+            for p in &mut mesh.positions {
+                *p = DVec3::new(r.unit(), r.unit() * size, r.unit() * size * size);
+            }
+            mesh
+        };
+        let (source, target) = (wild(10.0_f64.powi(case / 6 - 4)), wild(3.0));
+        let options = TransferOptions { margin: 1, ..opaque(21, 18) };
+        let out = run(&source, &image, &target, &Identity, &options);
+        let Pixels::F32(values) = &out.layers[0].pixels else { panic!("floats expected") };
+        for (&v, &c) in values.iter().zip(bytes(&out.coverage)) {
+            assert!(
+                if c == 0 { v == 0.0 } else { (0.999..2.0).contains(&v) },
+                "case {case}: {v} where coverage is {c}"
+            );
+        }
+    }
+}
