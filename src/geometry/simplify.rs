@@ -1,9 +1,10 @@
 //! Simplification of a triangle mesh by half-edge collapses that turn the normals least.
 
-use std::cmp::{Ordering, Reverse};
+use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// When to stop simplifying, and what not to make.
 #[derive(Clone, Copy, Debug)]
@@ -23,30 +24,23 @@ pub struct Simplified {
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// A candidate: vertex `from` moves onto `to`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A candidate: vertex `from` moves onto `to`. Ordered as the fields are.
+///
+/// Cost and length are rounded, so that rounding errors do not choose between collapses that a symmetric shape makes equal: the result is
+/// the same for the same shape at another scale.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Collapse {
-    cost: f64,
-    length: f64,
+    cost: u64,
+    /// Bits of a positive `f32`.
+    length: u32,
     from: u32,
     to: u32,
     stamp: u32,
 }
 
-impl Eq for Collapse {}
-
-impl Ord for Collapse {
-    fn cmp(&self, other: &Self) -> Ordering {
-        (self.cost.total_cmp(&other.cost))
-            .then(self.length.total_cmp(&other.length))
-            .then((self.from, self.to, self.stamp).cmp(&(other.from, other.to, other.stamp)))
-    }
-}
-
-impl PartialOrd for Collapse {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
+/// A cost in steps of 2^-30.
+fn rounded(cost: f64) -> u64 {
+    (cost * f64::from(1 << 30)).round() as u64
 }
 
 /// Collapses half-edges, least change of normals first, until `options.vertices` are left or no collapse is allowed any more.
@@ -54,7 +48,7 @@ impl PartialOrd for Collapse {
 /// `triangles` should be the usable ones. The cost of a collapse is the largest change of a face normal it leads to, added to the changes
 /// these faces and the removed ones had before (as chord lengths of the unit normals), so that many small changes do not pass
 /// unseen. Along a boundary only boundary edges are collapsed, and the turning of the boundary counts like that of a normal. Vertices whose
-/// triangles form no single fan stay, collapses that would change the topology (link condition), turn a normal by 90 degrees
+/// triangles form no single fan, or that have more than 64 neighbours, stay; collapses that would change the topology (link condition), turn a normal by 90 degrees
 /// or more, or make a triangle without area are not allowed. Ties are broken by edge length, then by index. O(F log F).
 /// Surfaces and components never vanish.
 ///
@@ -66,7 +60,8 @@ pub fn simplify(positions: &[DVec3], triangles: &[[u32; 3]], options: &SimplifyO
     let mut mesh = Collapser::new(positions, triangles, options.longest_edge);
     let used: Vec<u32> = (0..positions.len() as u32).filter(|&v| !mesh.around[v as usize].is_empty()).collect();
     let mut stamps = vec![0u32; positions.len()];
-    let mut heap: BinaryHeap<Reverse<Collapse>> = used.iter().filter_map(|&v| mesh.best(v).map(Reverse)).collect();
+    let first: Vec<Reverse<Collapse>> = used.par_iter().filter_map(|&v| mesh.best(v).map(Reverse)).collect();
+    let mut heap = BinaryHeap::from(first);
     let mut left = used.len();
     let mut ring = Vec::new();
     while left > options.vertices {
@@ -104,6 +99,8 @@ pub fn simplify(positions: &[DVec3], triangles: &[[u32; 3]], options: &SimplifyO
 struct Collapser<'a> {
     positions: &'a [DVec3],
     longest_edge: f64,
+    /// Mean edge length.
+    unit: f64,
     triangles: Vec<[u32; 3]>,
     alive: Vec<bool>,
     normals: Vec<DVec3>,
@@ -129,9 +126,15 @@ impl<'a> Collapser<'a> {
             let [a, b, c] = t.map(|v| positions[v as usize]);
             (b - a).cross(c - a).normalize_or_zero()
         };
+        let perimeters = proper.iter().map(|t| {
+            let [a, b, c] = t.map(|v| positions[v as usize]);
+            a.distance(b) + b.distance(c) + c.distance(a)
+        });
+        let unit = perimeters.sum::<f64>() / (3 * proper.len()).max(1) as f64;
         Self {
             positions,
             longest_edge,
+            unit,
             normals: proper.iter().map(normal).collect(),
             turned: vec![0.0; proper.len()],
             boundary_turned: vec![0.0; positions.len()],
@@ -220,24 +223,28 @@ impl<'a> Collapser<'a> {
         let boundary = self.boundary(v).ok()?;
         let mut ring = Vec::new();
         self.ring(v, &mut ring);
-        ring.iter()
-            .filter_map(|&to| {
-                let cost = self.cost_given(v, to, boundary, &ring)?;
-                let length = self.positions[v as usize].distance(self.positions[to as usize]);
-                Some(Collapse { cost, length, from: v, to, stamp: 0 })
-            })
-            .min()
+        let mut best: Option<Collapse> = None;
+        for &to in &ring {
+            let limit = best.map_or(u64::MAX, |b| b.cost);
+            if let Some(cost) = self.cost_given(v, to, boundary, &ring, limit) {
+                let length = self.positions[v as usize].distance(self.positions[to as usize]) / self.unit;
+                let length = (length as f32).to_bits();
+                let here = Collapse { cost, length, from: v, to, stamp: 0 };
+                best = Some(best.map_or(here, |b| b.min(here)));
+            }
+        }
+        best
     }
 
-    fn cost(&self, from: u32, to: u32) -> Option<f64> {
+    fn cost(&self, from: u32, to: u32) -> Option<u64> {
         let boundary = self.boundary(from).ok()?;
         let mut ring = Vec::new();
         self.ring(from, &mut ring);
-        self.cost_given(from, to, boundary, &ring)
+        self.cost_given(from, to, boundary, &ring, u64::MAX)
     }
 
-    /// Cost of moving `from` onto `to`, or `None` if that is not allowed.
-    fn cost_given(&self, from: u32, to: u32, boundary: Option<[u32; 2]>, ring: &[u32]) -> Option<f64> {
+    /// Cost of moving `from` onto `to`, or `None` if that is not allowed or costs more than `limit`.
+    fn cost_given(&self, from: u32, to: u32, boundary: Option<[u32; 2]>, ring: &[u32], limit: u64) -> Option<u64> {
         if boundary.is_some_and(|b| !b.contains(&to)) {
             return None;
         }
@@ -256,13 +263,14 @@ impl<'a> Collapser<'a> {
         {
             return None;
         }
+        // A fold onto an existing face (the last step of a tetrahedron) needs two common neighbours in the only face that is kept.
+        let only = faces.len() - at_edge == 1 && common == 2;
         let removed = |f: &&u32| self.triangles[**f as usize].contains(&to);
         let before = faces.iter().filter(removed).map(|&f| self.turned[f as usize]).fold(0.0, f64::max);
         let mut cost = before;
         for &f in faces.iter().filter(|f| !removed(f)) {
             let t = self.triangles[f as usize].map(|w| if w == from { to } else { w });
-            // A fold onto an existing face (the last step of a tetrahedron).
-            if far.iter().any(|&g| self.triangles[g as usize].iter().all(|w| t.contains(w))) {
+            if only && far.iter().any(|&g| self.triangles[g as usize].iter().all(|w| t.contains(w))) {
                 return None;
             }
             let [a, b, c] = t.map(|w| self.positions[w as usize]);
@@ -272,11 +280,14 @@ impl<'a> Collapser<'a> {
                 return None;
             }
             cost = cost.max(before.max(self.turned[f as usize]) + normal.distance(old));
+            if rounded(cost) > limit {
+                return None;
+            }
         }
         if let Some(b) = boundary {
             cost = cost.max(self.boundary_cost(from, to, b)?);
         }
-        cost.is_finite().then_some(cost)
+        cost.is_finite().then(|| rounded(cost))
     }
 
     /// How much the boundary turns when its vertex `from` moves to its neighbour `to`.

@@ -6,7 +6,7 @@ use barymap::geometry::Mesh;
 use glam::DVec3;
 
 /// The folder of real models, if `BARYMAP_DATA` names it.
-pub fn data(file: &str) -> Option<PathBuf> {
+pub(crate) fn data(file: &str) -> Option<PathBuf> {
     std::env::var_os("BARYMAP_DATA").map(|folder| PathBuf::from(folder).join(file))
 }
 
@@ -14,7 +14,7 @@ pub fn data(file: &str) -> Option<PathBuf> {
 ///
 /// # Panics
 /// If the file is missing or is not what is expected.
-pub fn load(file: &str) -> Option<Mesh> {
+pub(crate) fn load(file: &str) -> Option<Mesh> {
     let Some(path) = data(file) else {
         eprintln!("ignored: {file} is needed, BARYMAP_DATA is not set");
         return None;

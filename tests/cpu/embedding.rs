@@ -158,6 +158,25 @@ fn components_are_apart_and_each_as_if_alone() {
 }
 
 #[test]
+fn thousands_of_components_stay_cheap_and_apart() {
+    let n = 3000u32;
+    let p: Vec<DVec3> = (0..3 * n)
+        .map(|k| {
+            let base = DVec3::new(f64::from(k / 3), f64::from(k / 3 % 7), 0.0);
+            base + [DVec3::ZERO, DVec3::X * 0.5, DVec3::Y * 0.5][(k % 3) as usize]
+        })
+        .collect();
+    let t: Vec<[u32; 3]> = (0..n).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+    let mesh = Mesh::from_triangles("confetti", p, &t);
+    let e = embed(&mesh, &EmbeddingOptions::default());
+    assert!(e.warnings[0].contains("3000 components") && e.warnings[0].contains("more"));
+    assert!(e.stress < 1e-20);
+    for (a, b) in [(0, 3), (0, 8999), (4500, 4503), (10, 2000)] {
+        assert!(distance(&e, a, b) > 0.75, "{a} {b}");
+    }
+}
+
+#[test]
 fn all_dimensions_and_both_samplings() {
     let mesh = one_torus();
     let mut last = f64::INFINITY;

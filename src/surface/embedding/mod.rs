@@ -17,12 +17,14 @@ pub use cache::{ALGORITHM_VERSION, cache_key};
 
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, Topology};
-use crate::progress::Progress;
+use crate::progress::{Progress, Quiet};
 
 /// Landmarks that every component gets at least, if it has as many vertices.
 const LEAST_LANDMARKS: usize = 24;
 /// Largest number of landmarks: their distances are a dense matrix, and setting up the scaling takes the cube of their number.
 const MOST_LANDMARKS: usize = 5000;
+/// Components with fewer vertices report no progress of their own.
+const SHOWN: usize = 2000;
 /// Components that are named one by one in the warnings.
 const NAMED: usize = 8;
 
@@ -157,6 +159,9 @@ impl Embedding {
         let (mut stress, mut pairs, mut sweeps) = (0.0, 0usize, 0);
         let mut embedded = Vec::with_capacity(parts.len());
         for (part, &count) in parts.iter().zip(&counts) {
+            // Small parts among larger ones are done before a bar could be read.
+            let quiet = parts.len() > 1 && part.vertices.len() < SHOWN;
+            let progress = if quiet { &Quiet } else { progress };
             let one = embed_part(part, count, options, &mut seconds, progress)?;
             let here = one.landmarks.len() * (one.landmarks.len() - 1);
             stress += one.stress * here as f64;
