@@ -274,7 +274,9 @@ impl<'a> Posed<'a> {
             8 => 0.26,
             _ => 1.0,
         };
-        let cube = DVec3::new(sign * fx, fy, f64::from(z.min(2) - 1));
+        // The ears stand on quads beside the middle, smaller than the back of the head.
+        let fz = if !inner && middle && z == 0 { -0.6 } else { f64::from(z.min(2) - 1) };
+        let cube = DVec3::new(sign * fx, fy, fz);
         // Between a ball and a box.
         let norm = cube.abs().to_array().iter().map(|c| c.powf(2.6)).sum::<f64>().powf(1.0 / 2.6);
         let p = cube / norm * head.radii * 1.14;
@@ -283,7 +285,7 @@ impl<'a> Posed<'a> {
             let root = DVec3::new(sign * head.radii.x * 1.05, 0.0, -0.3 * head.radii.z);
             let (offset, size) = head.ear;
             let dy = if y == 8 { 1.0 } else { -1.0 };
-            let dz = if z == 1 { 0.55 } else { -0.55 };
+            let dz = if z == 1 { 0.5 } else { -0.9 };
             let tip = root + DVec3::new(sign * offset.x, offset.y, offset.z) + DVec3::new(0.0, dy, dz) * size;
             return frame.point(tip.x, tip.y, tip.z);
         }

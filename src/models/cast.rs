@@ -71,7 +71,7 @@ pub(super) fn neutral() -> Body {
             up: DVec3::Y,
             neck: 0.07,
             nose: [0.045, 0.03],
-            ear: (DVec3::new(0.045, 0.02, -0.02), 0.06),
+            ear: (DVec3::new(0.04, 0.02, -0.03), 0.052),
         },
     }
 }
@@ -91,7 +91,7 @@ pub(super) fn strider() -> Body {
         [0.033, 0.06],
         [0.022, 0.04],
     ];
-    let arm = |directions: [DVec3; 3], twist: f64| Limb { directions, lengths: [0.34, 0.33, 0.2], sizes, twist };
+    let arm = |directions: [DVec3; 3], twist: f64| Limb { directions, lengths: [0.34, 0.33, 0.23], sizes, twist };
     let right = arm([d(-0.62, 0.74, 0.12), d(-0.18, 0.97, 0.2), d(0.08, 0.98, 0.18)], -1.2);
     let left = arm([d(0.5, -0.82, -0.28), d(0.3, -0.85, 0.42), d(0.2, -0.8, 0.5)], 0.0);
     let leg_sizes = [
@@ -119,18 +119,18 @@ pub(super) fn strider() -> Body {
     body.hip = 0.084;
     body.arms = [right, left];
     body.legs = [
-        leg([d(-0.06, -0.93, -0.3), d(-0.02, -0.8, -0.55), d(0.0, -0.5, 0.8)]),
-        leg([d(0.06, -0.85, 0.5), d(0.02, -0.98, -0.12), d(0.05, 0.12, 1.0)]),
+        leg([d(-0.08, -0.9, -0.36), d(-0.02, -0.76, -0.62), d(-0.05, -0.55, 0.8)]),
+        leg([d(0.1, -0.8, 0.6), d(0.03, -0.99, 0.05), d(0.12, 0.2, 1.0)]),
     ];
     body.foot = Foot { drop: 0.065, width: 0.052, heel: 0.07 };
     body.head = Head {
         offset: d(0.01, 0.265, 0.035),
         radii: d(0.13, 0.195, 0.15),
-        front: d(-0.25, 0.05, 1.0),
+        front: d(0.2, 0.03, 1.0),
         up: d(0.06, 1.0, 0.0),
         neck: 0.056,
         nose: [0.06, 0.026],
-        ear: (d(0.035, 0.03, -0.02), 0.055),
+        ear: (d(0.035, 0.03, -0.03), 0.05),
     };
     body
 }
@@ -188,7 +188,7 @@ pub(super) fn stout() -> Body {
         up: d(-0.05, 1.0, 0.0),
         neck: 0.1,
         nose: [0.05, 0.045],
-        ear: (d(0.06, 0.03, -0.02), 0.08),
+        ear: (d(0.055, 0.03, -0.05), 0.066),
     };
     body
 }

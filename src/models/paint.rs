@@ -47,22 +47,43 @@ fn stripes(x: f64, period: f64) -> f64 {
     (t - 0.25 * period).abs().min((t - 1.25 * period).abs()) - 0.25 * period
 }
 
-/// The colour (sRGB, 0 to 1) at a point of the neutral body.
-pub(super) fn color(p: DVec3) -> DVec3 {
-    let head = inside(1.452 - p.y);
-    let mut c = limbs(p);
-    let shirt = inside((p.y - collar(p)).max(0.955 - p.y).max(p.x.abs() - 0.43));
-    c = c.lerp(shirt_color(p), shirt);
-    let trousers = inside((p.y - 0.965).max(0.105 - p.y));
-    c = c.lerp(trousers_color(p), trousers * inside(p.x.abs() - 0.4));
-    c = c.lerp(belt_color(p), inside((p.y - 0.962).abs() - 0.022));
-    c = c.lerp(shoe_color(p), inside(p.y - 0.105));
-    c.lerp(head_color(p), head)
+/// Lays `top()` over `below` where the distance is negative; nothing is computed where it cannot be seen.
+fn over(below: DVec3, distance: f64, top: impl FnOnce() -> DVec3) -> DVec3 {
+    match inside(distance) {
+        0.0 => below,
+        1.0 => top(),
+        cover => below.lerp(top(), cover),
+    }
 }
 
+/// The colour (sRGB, 0 to 1) at a point of the neutral body.
+pub(super) fn color(p: DVec3) -> DVec3 {
+    let x = p.x.abs();
+    // From the outermost layer inwards: each computes what is below it only where it leaves it to be seen.
+    let body = || over(limbs(p), (-collar(p)).max(0.955 - p.y).max(x - 0.43), || shirt_color(p));
+    let dressed = || {
+        let trousers = (p.y - 0.965).max(0.105 - p.y).max(x - 0.4);
+        match inside(trousers) {
+            1.0 => trousers_color(p),
+            _ => over(body(), trousers, || trousers_color(p)),
+        }
+    };
+    if inside(1.452 - p.y) == 1.0 {
+        return head_color(p);
+    }
+    if inside(p.y - 0.105) == 1.0 {
+        return shoe_color(p);
+    }
+    let c = over(dressed(), (p.y - 0.962).abs() - 0.022, || belt_color(p));
+    let c = over(c, p.y - 0.105, || shoe_color(p));
+    over(c, 1.452 - p.y, || head_color(p))
+}
+
+/// Distance outside the round neck of the shirt: negative within it.
 fn collar(p: DVec3) -> f64 {
-    // Lower in front: a round neck.
-    1.412 - 0.16 * p.z.max(0.0)
+    // About the axis of the neck, which leans back; lower in front.
+    let around = DVec2::new(p.x, p.z - 0.012).length();
+    (around - 0.098).max(1.345 - p.y)
 }
 
 fn limbs(p: DVec3) -> DVec3 {
@@ -113,12 +134,11 @@ fn speckle(p: DVec3, c: DVec3, amount: f64) -> DVec3 {
 fn shirt_color(p: DVec3) -> DVec3 {
     let x = p.x.abs();
     let mut c = CREAM.lerp(TEAL, inside(stripes(p.y - 0.985, 0.068)));
-    // Raglan sleeves with a cuff.
-    let sleeve = 0.195 - 0.35 * (1.36 - p.y).max(-0.05) - x;
-    c = c.lerp(NAVY, inside((0.012 - x + 0.165 - 0.25 * (1.36 - p.y)).min(sleeve)));
+    // Sleeves, sewn in along a slanted line, with a cuff.
+    c = c.lerp(NAVY, inside(0.158 + 0.75 * (1.33 - p.y).max(0.0) - x));
     c = c.lerp(MUSTARD, inside((x - 0.412).abs() - 0.018));
     c = c.lerp(CREAM, inside((x - 0.375).abs() - 0.006));
-    c = c.lerp(NAVY, inside((p.y - collar(p)).abs() - 0.014));
+    c = c.lerp(NAVY, inside(collar(p).abs() - 0.014));
     // A badge with a letter in front, a number behind.
     let badge = DVec2::new(p.x, p.y - 1.19);
     if p.z > 0.0 {
@@ -243,7 +263,7 @@ fn head_color(p: DVec3) -> DVec3 {
         c = c.lerp(BLUSH, 0.8 * cheek * cheek * (3.0 - 2.0 * cheek));
         c = speckle(p, c, inside(DVec2::new((x - 0.065) * 0.6, q.y + 0.035).length() - 0.028));
         // Nose tip.
-        let nose = ((p.z - 0.175) / 0.03).clamp(0.0, 1.0);
+        let nose = ((p.z - 0.192) / 0.025).clamp(0.0, 1.0);
         c = c.lerp(BLUSH, 0.75 * nose);
         // Eyes that look a little to one side, so that left and right differ.
         let eye = ellipse(m, DVec2::new(0.06, 0.028), DVec2::new(0.03, 0.034));
@@ -254,7 +274,7 @@ fn head_color(p: DVec3) -> DVec3 {
         c = c.lerp(INK, inside((pupil.length() - 0.0115).max(eye)));
         c = c.lerp(WHITE, inside((pupil - DVec2::new(-0.006, 0.008)).length() - 0.0052));
         // Brows.
-        let brow = line(m, &[(0.028, 0.078), (0.055, 0.09), (0.088, 0.08)], 0.0065);
+        let brow = line(m, &[(0.034, 0.086), (0.06, 0.094), (0.09, 0.08)], 0.0065);
         c = c.lerp(HAIR, inside(brow));
         // An open smile with teeth.
         let smile = ellipse(q, DVec2::new(0.0, -0.075), DVec2::new(0.052, 0.034)).max(q.y + 0.072 - 8.0 * x * x * 0.6);
@@ -262,10 +282,12 @@ fn head_color(p: DVec3) -> DVec3 {
         c = c.lerp(DVec3::new(0.86, 0.36, 0.36), inside((smile + 0.002).max(q.y + 0.095)));
         c = c.lerp(WHITE, inside((smile + 0.002).max(-0.084 - q.y)));
     }
-    let ear = (0.152 - x).max((q.y - 0.02).abs() - 0.075);
+    // Short hair: the hairline falls towards the back and leaves the ears free.
+    let ear = 0.163 - x;
     let wave = 0.007 * (p.x * 75.0).sin();
-    let hair = 0.036 + wave - q.y + 0.72 * (p.z - 0.02);
-    let strand = (p.x * 210.0 + p.z * 90.0 + 6.0 * (p.y * 40.0).sin()).sin();
-    let hair_color = HAIR * (1.0 + 0.16 * strand);
-    c.lerp(hair_color, inside(hair) * (1.0 - inside(ear)))
+    let z = p.z - 0.02;
+    let hair = 0.022 + wave - q.y + if z > 0.0 { 0.76 } else { 0.95 } * z;
+    // Strands run down from the crown; a whole number of them, so that they close around the head.
+    let strand = (p.x.atan2(p.z + 0.03) * 44.0 + 3.0 * (p.y * 45.0).sin()).sin();
+    over(c, hair.max(-ear), || HAIR * (1.0 + 0.13 * strand))
 }

@@ -22,13 +22,13 @@ pub struct ModelPair {
 
 /// A tall and thin character who strides with an arm raised.
 pub fn strider() -> Character {
-    let sampling = Sampling { edge: 0.0235, jitter: 0.0, seed: 1, shorter_diagonal: false };
+    let sampling = Sampling { edge: 0.0185, jitter: 0.0, seed: 1, shorter_diagonal: false };
     Character::new(&cast::strider(), &sampling, AtlasStyle::Unrolled)
 }
 
 /// A short and stout character who stands with the arms out.
 pub fn stout() -> Character {
-    let sampling = Sampling { edge: 0.0265, jitter: 0.3, seed: 7, shorter_diagonal: true };
+    let sampling = Sampling { edge: 0.0225, jitter: 0.3, seed: 7, shorter_diagonal: true };
     Character::new(&cast::stout(), &sampling, AtlasStyle::Halves)
 }
 

@@ -23,7 +23,7 @@ const DIGITS: [[u8; 5]; 10] = [
 ];
 
 /// The colour of anchor `i`: hues a golden angle apart, sRGB.
-pub fn anchor_color(i: usize) -> [u8; 3] {
+fn anchor_color(i: usize) -> [u8; 3] {
     let hue = (i as f64 * 0.618_033_988_749_895).fract() * 6.0;
     [5.0, 3.0, 1.0].map(|n: f64| {
         let k = (n + hue).rem_euclid(6.0);
