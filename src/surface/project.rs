@@ -117,6 +117,7 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
     }
 
     /// Barycentric walk: Newton's method in a triangle, then across the edge opposite to the most negative coordinate, until a root lies inside.
+    #[inline(always)]
     fn walk_triangles(&self, mean: &Vector<S, D>, start: u32, steps: u32) -> Option<Projection<S>> {
         let (mut t, mut previous) = (start, NONE);
         for _ in 0..steps {
@@ -212,6 +213,20 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
             }
             (a, b) => a.or(b).unwrap_or_else(|| self.guess(mean, v)),
         }
+    }
+
+    /// The barycentric walk from triangle `start`, if it ends at a projection no farther away than any of the vertices `bounds`: the usual case when both are images of
+    /// points nearby. `None` sends the caller to [`PhongSurface::project`].
+    #[inline(always)]
+    pub fn project_from(&self, mean: &Vector<S, D>, start: u32, bounds: &[u32]) -> Option<Projection<S>> {
+        if start == NONE || !mean.iter().all(|x| x.finite()) {
+            return None;
+        }
+        let p = self.walk_triangles(mean, start, SearchLimits::FIRST.triangle_steps)?;
+        bounds
+            .iter()
+            .all(|&v| v == NONE || p.distance_squared <= distance_squared(&self.vertices[v as usize].y, mean))
+            .then_some(p)
     }
 
     /// The vertex `v` itself, as a point of its lowest triangle: the best guess where no projection was found.

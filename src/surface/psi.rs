@@ -135,6 +135,15 @@ pub struct TangentTriangle<'a, S, const D: usize> {
     pub gauge: &'a [Orthogonal2<S>; 6],
 }
 
+/// A triangle and a point as seen in the tangent planes of its three corners.
+#[derive(Clone, Copy, Debug)]
+struct Tangential<S> {
+    /// `edges[l][i] = T_i (v_l - v_3)`.
+    edges: [[[S; 2]; 3]; 2],
+    /// `T_i (v_3 - ybar)`.
+    offset: [[S; 2]; 3],
+}
+
 /// How Newton's method on a triangle ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Root<S> {
@@ -156,23 +165,19 @@ pub fn slack<S: Real>() -> S {
 pub const NEWTON_STEPS: usize = 12;
 
 impl<S: Real, const D: usize> TangentTriangle<'_, S, D> {
-    /// `P_ij = T_i (v_j - ybar)`.
+    /// What the iteration needs of the triangle and the point, in the three tangent planes.
     #[inline(always)]
-    fn tangential(&self, mean: &Vector<S, D>) -> [[[S; 2]; 3]; 3] {
-        let d = [sub(self.v[0], mean), sub(self.v[1], mean), sub(self.v[2], mean)];
-        let row = |t: &[Vector<S, D>; 2]| {
-            [
-                [dot(&t[0], &d[0]), dot(&t[1], &d[0])],
-                [dot(&t[0], &d[1]), dot(&t[1], &d[1])],
-                [dot(&t[0], &d[2]), dot(&t[1], &d[2])],
-            ]
-        };
-        [row(self.t[0]), row(self.t[1]), row(self.t[2])]
+    fn tangential(&self, mean: &Vector<S, D>) -> Tangential<S> {
+        let e = [sub(self.v[0], self.v[2]), sub(self.v[1], self.v[2])];
+        let d = sub(self.v[2], mean);
+        let along = |t: &[Vector<S, D>; 2], x: &Vector<S, D>| [dot(&t[0], x), dot(&t[1], x)];
+        let all = |x: &Vector<S, D>| [along(self.t[0], x), along(self.t[1], x), along(self.t[2], x)];
+        Tangential { edges: [all(&e[0]), all(&e[1])], offset: all(&d) }
     }
 
     /// Phong projection of `mean` onto the triangle by Newton's method (eq. 7 and 8) from `start`.
     ///
-    /// In two unknowns: `f = Psi (sum x_j v_j - ybar) = sum_k c_k G_k p_i(k)` with `p_i = sum_j x_j P_ij`, and its analytic Jacobian.
+    /// In two unknowns: `f = Psi (sum x_j v_j - ybar) = sum_k c_k u_k` with `u_k = G_k p_i(k)`, `p_i = T_i (sum_j x_j v_j - ybar)`, and its analytic Jacobian.
     /// `patience` is the barycentric distance outside the triangle at which the iteration is given up. About 420 flops to
     /// set up and 300 per step.
     pub fn project(&self, mean: &Vector<S, D>, start: [S; 3], patience: S) -> Root<S> {
@@ -205,18 +210,21 @@ impl<S: Real, const D: usize> TangentTriangle<'_, S, D> {
 
     /// The iterate has reached a vertex (or passed the circle through the vertices, where Psi has its pole).
     ///
-    /// At a vertex Psi spans the vertex's own tangent plane whatever the direction, so the vertex is a root where `P_ii` vanishes.
-    fn vertex_root(&self, p: &[[[S; 2]; 3]; 3], x: [S; 3]) -> Root<S> {
+    /// At a vertex Psi spans the vertex's own tangent plane whatever the direction, so the vertex is a root where `T_i (v_i - ybar)` vanishes.
+    fn vertex_root(&self, p: &Tangential<S>, x: [S; 3]) -> Root<S> {
         let i = usize::from(x[1] > x[0]);
         let i = if x[2] > x[i] { 2 } else { i };
-        let j = (i + 1) % 3;
-        let k = (i + 2) % 3;
         let size = |q: [S; 2]| q[0].abs().maximum(q[1].abs());
+        let [e0, e1] = [p.edges[0][i], p.edges[1][i]];
+        let offset = match i {
+            0 => [p.offset[0][0] + e0[0], p.offset[0][1] + e0[1]],
+            1 => [p.offset[1][0] + e1[0], p.offset[1][1] + e1[1]],
+            _ => p.offset[2],
+        };
         // Edges as seen in the vertex's tangent plane give the scale; the slack is the one of edges.
-        let scale = size([p[i][j][0] - p[i][i][0], p[i][j][1] - p[i][i][1]])
-            .maximum(size([p[i][k][0] - p[i][i][0], p[i][k][1] - p[i][i][1]]));
-        let near = x[j].abs() <= slack::<S>() && x[k].abs() <= slack::<S>();
-        if near && size(p[i][i]) <= slack::<S>() * scale {
+        let scale = size(e0).maximum(size(e1));
+        let near = x[(i + 1) % 3].abs() <= slack::<S>() && x[(i + 2) % 3].abs() <= slack::<S>();
+        if near && size(offset) <= slack::<S>() * scale {
             let mut e = [S::ZERO; 3];
             e[i] = S::ONE;
             return Root::Inside(e);
@@ -225,51 +233,66 @@ impl<S: Real, const D: usize> TangentTriangle<'_, S, D> {
     }
 
     /// One Newton step `(dx1, dx2)`; `None` where the Jacobian is singular.
+    ///
+    /// With `m_k` the numerators of `c_k` and `H_i` the sum of `c_k G_k` over the two bases of corner `i`, the derivative by `x_l` (the coordinates taken as independent) is
+    /// `(sum_k dm_kl u_k - f ds_l) / s + sum_i H_i T_i v_l`. Each `dm_kl` is one of three common terms (the derivatives of `h`) plus, for four of the six bases, a square or twice
+    /// a product.
     #[inline(always)]
-    fn newton_step(&self, p: &[[[S; 2]; 3]; 3], x: &[S; 3]) -> Option<[S; 2]> {
+    fn newton_step(&self, p: &Tangential<S>, x: &[S; 3]) -> Option<[S; 2]> {
         let [x1, x2, x3] = *x;
         let half = S::of(0.5);
         let two = S::of(2.0);
-        let s = x1 * x2 + x2 * x3 + x3 * x1;
+        let (x12, x23, x31) = (x1 * x2, x2 * x3, x3 * x1);
+        let s = x12 + x23 + x31;
         let r = S::ONE / s;
         let c = weights(x).map(|m| m * r);
-        let ds = [x2 + x3, x3 + x1, x1 + x2];
-        let (a, b, d) = (half * x2 * x3, half * x3 * x1, half * x1 * x2);
-        let dm = [
-            [two * x1 * x2 + a, x1 * x1 + b, d],
-            [x2 * x2 + a, two * x1 * x2 + b, d],
-            [a, two * x2 * x3 + b, x2 * x2 + d],
-            [a, x3 * x3 + b, two * x2 * x3 + d],
-            [x3 * x3 + a, b, two * x3 * x1 + d],
-            [two * x3 * x1 + a, b, x1 * x1 + d],
-        ];
+        let mut u = [[S::ZERO; 2]; 6];
         let mut f = [S::ZERO; 2];
-        let mut df = [[S::ZERO; 2]; 3];
+        let mut sum = [S::ZERO; 2];
+        let mut h = [[S::ZERO; 4]; 3];
         for k in 0..6 {
             let i = CORNER_OF_BASIS[k];
             let pi = [
-                x1 * p[i][0][0] + x2 * p[i][1][0] + x3 * p[i][2][0],
-                x1 * p[i][0][1] + x2 * p[i][1][1] + x3 * p[i][2][1],
+                p.offset[i][0] + x1 * p.edges[0][i][0] + x2 * p.edges[1][i][0],
+                p.offset[i][1] + x1 * p.edges[0][i][1] + x2 * p.edges[1][i][1],
             ];
-            let u = self.gauge[k].apply(pi);
-            f[0] += c[k] * u[0];
-            f[1] += c[k] * u[1];
-            for l in 0..3 {
-                let dc = (dm[k][l] - c[k] * ds[l]) * r;
-                let q = self.gauge[k].apply(p[i][l]);
-                df[l][0] += dc * u[0] + c[k] * q[0];
-                df[l][1] += dc * u[1] + c[k] * q[1];
+            let g = self.gauge[k].matrix();
+            u[k] = [g[0] * pi[0] + g[1] * pi[1], g[2] * pi[0] + g[3] * pi[1]];
+            for e in 0..4 {
+                h[i][e] += c[k] * g[e];
+            }
+            for e in 0..2 {
+                f[e] += c[k] * u[k][e];
+                sum[e] += u[k][e];
             }
         }
-        let j = [df[0][0] - df[2][0], df[1][0] - df[2][0], df[0][1] - df[2][1], df[1][1] - df[2][1]];
-        let det = j[0] * j[3] - j[1] * j[2];
-        let size = j[0].abs().maximum(j[3].abs()) * j[0].abs().maximum(j[3].abs())
-            + j[1].abs().maximum(j[2].abs()) * j[1].abs().maximum(j[2].abs());
-        if !(det.abs() > S::EPSILON * size) {
+        let mut d = [[S::ZERO; 2]; 3];
+        for e in 0..2 {
+            let common = half * sum[e];
+            d[0][e] = x23 * common + two * x12 * u[0][e] + x2 * x2 * u[1][e] + x3 * x3 * u[4][e] + two * x31 * u[5][e]
+                - f[e] * (x2 + x3);
+            d[1][e] = x31 * common + x1 * x1 * u[0][e] + two * x12 * u[1][e] + two * x23 * u[2][e] + x3 * x3 * u[3][e]
+                - f[e] * (x3 + x1);
+            d[2][e] = x12 * common + x2 * x2 * u[2][e] + two * x23 * u[3][e] + two * x31 * u[4][e] + x1 * x1 * u[5][e]
+                - f[e] * (x1 + x2);
+        }
+        let mut j = [[S::ZERO; 2]; 2];
+        for l in 0..2 {
+            for e in 0..2 {
+                j[l][e] = (d[l][e] - d[2][e]) * r;
+                for i in 0..3 {
+                    j[l][e] += h[i][2 * e] * p.edges[l][i][0] + h[i][2 * e + 1] * p.edges[l][i][1];
+                }
+            }
+        }
+        let [[a, c], [b, d]] = j;
+        let det = a * d - b * c;
+        let (diagonal, across) = (a.abs().maximum(d.abs()), b.abs().maximum(c.abs()));
+        if !(det.abs() > S::EPSILON * (diagonal * diagonal + across * across)) {
             return None;
         }
         let q = S::ONE / det;
-        Some([(j[1] * f[1] - j[3] * f[0]) * q, (j[2] * f[0] - j[0] * f[1]) * q])
+        Some([(b * f[1] - d * f[0]) * q, (c * f[0] - a * f[1]) * q])
     }
 
     /// `Psi(x)`: two rows of R^D spanning the interpolated tangent plane, not orthonormal.

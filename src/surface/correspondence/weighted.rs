@@ -6,10 +6,12 @@ use crate::engine::{LaneScalar, Lanes, Real};
 use crate::error::{Error, Result};
 use crate::geometry::{NONE, SurfacePoint};
 use crate::surface::anchors::AnchorPairs;
-use crate::surface::average::{AnchorTable, AveragedChunk, SweepAnchors, average_fused, orthonormalise};
+use crate::surface::average::{
+    AnchorTable, AveragedChunk, GAMMA, SweepAnchors, average_fused, orthonormalise, weights,
+};
 use crate::surface::packed::{PackedImage, PackedPoint, PointMap};
 use crate::surface::project::{Found, Projection, SearchLimits};
-use crate::surface::vector::{Vector, cast, distance_squared, dot, sub};
+use crate::surface::vector::{Vector, add_scaled, cast, combine, distance_squared, dot, sub};
 use crate::surface::{NearestVertex, PhongSurface};
 
 use super::confidence::{Evidence, Trust};
@@ -22,6 +24,62 @@ pub(crate) const AVERAGE_SCALE: f64 = 16.0;
 
 /// Points handled by one task: whole tiles of the sweep, and enough work to hide scheduling.
 const CHUNK: usize = 512;
+
+/// What a vertex adds to the averages near it: `(Q_v - Q) r_v` and the length of `r_v`.
+#[derive(Clone, Copy, Debug)]
+pub struct Correction<S, const D: usize> {
+    /// `d_v`, in edges of the source.
+    pub d: Vector<S, D>,
+    /// `|r_v|`, in edges of the target.
+    pub residual: S,
+}
+
+/// The barycentric coordinates of a packed point.
+#[inline(always)]
+fn coordinates<S: Real>(point: PackedPoint) -> [S; 3] {
+    let (b0, b1) = (S::of(f64::from(point.b0)), S::of(f64::from(point.b1)));
+    [b0, b1, S::ONE - b0 - b1]
+}
+
+/// Part of the global fit in a local one: keeps directions that the near anchors do not span.
+const GLOBAL_SHARE: f64 = 1e-2;
+
+/// `d_v` and `|r_v|` of every vertex: `Q_v` is fitted to the anchors with weights `1/D_i` (eq. 13) plus a hundredth of the global fit. O(V (n D^2 + D^3)).
+fn local_corrections<const D: usize>(
+    target: &PhongSurface<f64, D>,
+    a: &[Vector<f64, D>],
+    b: &[Vector<f64, D>],
+    global: &[Vector<f64, D>; D],
+    scale: f64,
+) -> Vec<Correction<f64, D>> {
+    target
+        .vertices
+        .par_iter()
+        .map(|vertex| {
+            let mut w = vec![0.0; a.len()];
+            weights(&vertex.y, &vertex.t, a, &mut w);
+            let own = w.iter().zip(a).fold([0.0; D], |sum, (&w, a)| add_scaled(&sum, w, a));
+            let r = sub(&vertex.y, &own);
+            let mut nearness: Vec<f64> = a
+                .iter()
+                .map(|a| {
+                    let d = sub(a, &vertex.y);
+                    let (p, q) = (dot(&d, &vertex.t[0]), dot(&d, &vertex.t[1]));
+                    let tangential = p * p + q * q;
+                    // A thousandth of an edge squared keeps the weight of an anchor at the vertex finite.
+                    1.0 / (tangential + GAMMA * (dot(&d, &d) - tangential).max(0.0) + 1e-6)
+                })
+                .collect();
+            let sum: f64 = nearness.iter().sum();
+            for q in &mut nearness {
+                *q = *q / sum + GLOBAL_SHARE / a.len() as f64;
+            }
+            let local = orthogonal(a, b, &nearness);
+            let d = std::array::from_fn(|i| scale * dot(&local[i], &r) - dot(&global[i], &r));
+            Correction { d, residual: dot(&r, &r).sqrt() }
+        })
+        .collect()
+}
 
 /// The two averages of a point.
 #[derive(Clone, Copy, Debug)]
@@ -37,9 +95,11 @@ pub struct Scratch<S, const D: usize> {
 /// The map from the target to the source by inverse and forward problem.
 ///
 /// For a point of the target with embedding `y` and weights `w` of eq. 13 with respect to the target's anchors `a_i`, the source's anchors `b_i` are averaged:
-/// `ybar = sum w_i b_i` as published, or `ybar = sum w_i b_i + Q (y - sum w_i a_i)` with residual transport, `Q` being the orthogonal map that
-/// fits the anchors best. The second is computed as `Q y + sum w_i (b_i - Q a_i)`, so that it costs one matrix product per point. `ybar` is then
-/// projected onto the source.
+/// `ybar = sum w_i b_i` as published, or `ybar = sum w_i b_i + Q r` with residual transport, `r = y - sum w_i a_i` being what the target's own anchors
+/// leave over and `Q` the orthogonal map that fits the anchors best. The second is computed as `Q y + sum w_i (b_i - Q a_i)`, so that it costs one matrix
+/// product per point. A `Q_v` of its own for each vertex `v` of the target, fitted to the anchors near it, is more accurate; its
+/// difference `d_v = (Q_v - Q) r_v` is interpolated, scaled by `|r|` over the interpolated `|r_v|` so that anchors stay interpolated and the identity stays the identity.
+/// `ybar` is then projected onto the source.
 #[derive(Debug)]
 pub struct WeightedAverages<S: Real, const D: usize> {
     /// The surface that points are on.
@@ -52,8 +112,16 @@ pub struct WeightedAverages<S: Real, const D: usize> {
     pub own: AnchorTable<S, D>,
     /// `Q`, rows, from target edges to source edges; `None` as published.
     pub transport: Option<[Vector<S, D>; D]>,
+    /// `d_v` and `|r_v|` of each vertex of the target; empty as published.
+    pub corrections: Vec<Correction<S, D>>,
     /// For each vertex of the target the vertex of the source nearest to its image, or [`NONE`].
     pub starts: Vec<u32>,
+    /// For each triangle of the target the triangle of the source that its centroid goes to, or [`NONE`].
+    pub start_faces: Vec<u32>,
+    /// For each vertex of the target the vertex of the target nearest to the average of its own anchors; empty with transport.
+    pub own_starts: Vec<u32>,
+    /// Mean edge of the embedded source over the square root of its area.
+    pub unit: f64,
     /// What the evidence is judged by.
     pub trust: Trust,
     confidence: bool,
@@ -81,12 +149,17 @@ impl<S: Real, const D: usize> WeightedAverages<S, D> {
         let b: Vec<Vector<f64, D>> = anchors.source.iter().map(|p| source_surface.embed(p)).collect();
         // Edges of one surface to edges of the other, both seen at unit area.
         let unit = |s: &PhongSurface<f64, D>, shape: &Shape<'_>| s.edge / shape.mesh.area().sqrt();
-        let scale = unit(&target_surface, &target) / unit(&source_surface, &source);
-        let transport =
-            (options.method == Method::Transport).then(|| orthogonal(&a, &b).map(|row| row.map(|x| x * scale)));
+        let unit_source = unit(&source_surface, &source);
+        let scale = unit(&target_surface, &target) / unit_source;
+        let transport = (options.method == Method::Transport)
+            .then(|| orthogonal(&a, &b, &vec![1.0; a.len()]).map(|row| row.map(|x| x * scale)));
         let image: Vec<Vector<f64, D>> = match &transport {
             None => b.clone(),
             Some(q) => a.iter().zip(&b).map(|(a, b)| std::array::from_fn(|i| b[i] - dot(&q[i], a))).collect(),
+        };
+        let corrections = match &transport {
+            None => Vec::new(),
+            Some(q) => local_corrections(&target_surface, &a, &b, q, scale),
         };
         let table = AnchorTable::new(a.clone(), image)?.cast();
         let own = AnchorTable::new(a.clone(), a)?.cast();
@@ -96,7 +169,14 @@ impl<S: Real, const D: usize> WeightedAverages<S, D> {
             table,
             own,
             transport: transport.map(|q| q.map(|row| cast(&row))),
+            corrections: corrections
+                .iter()
+                .map(|c| Correction { d: cast(&c.d), residual: S::of(c.residual) })
+                .collect(),
             starts: Vec::new(),
+            start_faces: Vec::new(),
+            own_starts: Vec::new(),
+            unit: unit_source,
             trust: Trust::default(),
             confidence: options.confidence,
         };
@@ -104,14 +184,18 @@ impl<S: Real, const D: usize> WeightedAverages<S, D> {
         Ok(map)
     }
 
+    /// Solves for the images of vertices and centroids, from which the searches of all other points start.
     fn solve_starts(&mut self, target: Shape<'_>) {
         let nearest = NearestVertex::new(&self.source);
         let map = &*self;
-        self.starts = (0..target.mesh.vertex_count() as u32)
+        let corner = |v: u32| {
+            let t = *target.topology.vertex_triangles(v).first()?;
+            Some((t, target.topology.triangles[t as usize].map(|w| if w == v { S::ONE } else { S::ZERO })))
+        };
+        let starts = (0..target.mesh.vertex_count() as u32)
             .into_par_iter()
             .map(|v| {
-                let Some(&t) = target.topology.vertex_triangles(v).first() else { return NONE };
-                let x = target.topology.triangles[t as usize].map(|w| if w == v { S::ONE } else { S::ZERO });
+                let Some((t, x)) = corner(v) else { return NONE };
                 let mean = map.average(t, x).mean;
                 let start = nearest.find(&mean);
                 let p = map.source.project(&mean, &[start], SearchLimits::FIRST);
@@ -122,6 +206,23 @@ impl<S: Real, const D: usize> WeightedAverages<S, D> {
                 map.source.triangles[p.face as usize].v[k]
             })
             .collect();
+        let start_faces = (0..target.mesh.triangle_count() as u32)
+            .into_par_iter()
+            .map(|t| {
+                let mean = map.average(t, [S::of(1.0 / 3.0); 3]).mean;
+                map.source.project(&mean, &[nearest.find(&mean)], SearchLimits::FIRST).face
+            })
+            .collect();
+        let own_starts = if self.transport.is_none() && self.confidence {
+            let nearest = NearestVertex::new(&self.target);
+            (0..target.mesh.vertex_count() as u32)
+                .into_par_iter()
+                .map(|v| corner(v).map_or(NONE, |(t, x)| nearest.find(&map.average(t, x).own)))
+                .collect()
+        } else {
+            Vec::new()
+        };
+        (self.starts, self.start_faces, self.own_starts) = (starts, start_faces, own_starts);
     }
 
     /// The point `x` of the target's triangle `face` and an orthonormal basis of its interpolated tangent plane.
@@ -134,9 +235,26 @@ impl<S: Real, const D: usize> WeightedAverages<S, D> {
     pub fn average(&self, face: u32, x: [S; 3]) -> Scratch<S, D> {
         let (y, basis) = self.frame(face, x);
         let scale = S::of(AVERAGE_SCALE);
+        let own = average_fused(&y, &basis, &self.own, scale).mean;
         let mean = self.carry(&y, &average_fused(&y, &basis, &self.table, scale).mean);
-        let own = if self.confidence { average_fused(&y, &basis, &self.own, scale).mean } else { y };
-        Scratch { y, own, mean }
+        Scratch { y, own, mean: self.correct(face, &x, &y, &own, mean) }
+    }
+
+    /// Adds the interpolated local correction.
+    #[inline(always)]
+    fn correct(&self, face: u32, x: &[S; 3], y: &Vector<S, D>, own: &Vector<S, D>, mean: Vector<S, D>) -> Vector<S, D> {
+        if self.corrections.is_empty() {
+            return mean;
+        }
+        let [a, b, c] = self.target.triangles[face as usize].v.map(|v| &self.corrections[v as usize]);
+        let expected = x[0] * a.residual + x[1] * b.residual + x[2] * c.residual;
+        let r = sub(y, own);
+        let size = dot(&r, &r).sqrt();
+        if !(expected > S::ZERO) {
+            return mean;
+        }
+        let factor = (size / expected).minimum(S::ONE);
+        add_scaled(&mean, factor, &combine(x, [&a.d, &b.d, &c.d]))
     }
 
     /// Adds `Q y` where the residual is carried over.
@@ -153,9 +271,16 @@ impl<S: Real, const D: usize> WeightedAverages<S, D> {
         self.target.triangles[face as usize].v.map(|v| self.starts[v as usize])
     }
 
-    /// Forward problem: projects an average onto the source; a second, longer search for what the first one leaves.
+    /// Forward problem: projects an average of a point of the target's triangle `face` onto the source.
+    ///
+    /// Nearly always the barycentric walk from the image of the triangle's centroid ends at a projection that is nearer than the images of the
+    /// triangle's vertices; else these start the search, and a second, longer one for what that leaves.
+    #[inline(always)]
     pub fn forward(&self, face: u32, mean: &Vector<S, D>) -> Projection<S> {
         let starts = self.starts_of(face);
+        if let Some(p) = self.source.project_from(mean, self.start_faces[face as usize], &starts) {
+            return p;
+        }
         let first = self.source.project(mean, &starts, SearchLimits::FIRST);
         if first.found == Found::Nothing && first.face != NONE {
             return self.source.project(mean, &starts, SearchLimits::SECOND);
@@ -165,26 +290,26 @@ impl<S: Real, const D: usize> WeightedAverages<S, D> {
 
     /// What speaks for and against the image of a point.
     pub fn evidence(&self, face: u32, scratch: &Scratch<S, D>, image: &Projection<S>) -> Evidence {
-        let back = self.target.project(&scratch.own, &self.target.triangles[face as usize].v, SearchLimits::FIRST);
-        let round_trip = if back.face == NONE || back.found == Found::Nothing {
-            f64::INFINITY
-        } else {
-            distance_squared(&self.target.triangle(back.face).point(&back.x), &scratch.y).to_f64().sqrt()
-        };
-        let r = sub(&scratch.y, &scratch.own);
         Evidence {
-            round_trip,
-            own_residual: dot(&r, &r).to_f64().sqrt(),
-            residual: image.distance_squared.to_f64().sqrt(),
+            residual: image.distance_squared.to_f64().sqrt() * self.unit,
+            round_trip: self.transport.is_none().then(|| self.round_trip(face, scratch)),
             found: image.found,
         }
     }
 
+    /// Distance, in mean edges, between a point and the forward problem's answer to its own weights on its own surface (section 4.4).
+    pub fn round_trip(&self, face: u32, scratch: &Scratch<S, D>) -> f64 {
+        let starts = self.target.triangles[face as usize].v.map(|v| self.own_starts[v as usize]);
+        let back = self.target.project(&scratch.own, &starts, SearchLimits::FIRST);
+        if back.face == NONE || back.found == Found::Nothing {
+            return f64::INFINITY;
+        }
+        distance_squared(&self.target.triangle(back.face).point(&back.x), &scratch.y).to_f64().sqrt()
+    }
+
     /// Maps one point.
     pub fn map_point(&self, point: PackedPoint) -> PackedImage {
-        let x = [S::of(f64::from(point.b0)), S::of(f64::from(point.b1))];
-        let x = [x[0], x[1], S::ONE - x[0] - x[1]];
-        let scratch = self.average(point.face, x);
+        let scratch = self.average(point.face, coordinates(point));
         self.finish(point.face, &scratch)
     }
 
@@ -211,17 +336,13 @@ impl<S: Real, const D: usize> WeightedAverages<S, D> {
 impl<S: LaneScalar, const D: usize> WeightedAverages<S, D> {
     /// Maps a chunk of points: frames and averages in SIMD lanes, then each projection for itself.
     fn map_chunk(&self, points: &[PackedPoint], out: &mut [PackedImage], chunk: &mut AveragedChunk<S, D>) {
-        let both = [self.table.image.as_slice(), self.own.own.as_slice()];
-        let anchors = SweepAnchors {
-            own: &self.own.own,
-            images: if self.confidence { &both } else { &both[..1] },
-            transport: self.transport.as_ref(),
-        };
+        let images = [self.table.image.as_slice(), self.own.own.as_slice()];
+        let anchors = SweepAnchors { own: &self.own.own, images: &images, transport: self.transport.as_ref() };
         chunk.compute(Lanes::detect(), &self.target, anchors, points);
         for (i, (point, image)) in points.iter().zip(out).enumerate() {
-            let y = chunk.point(i);
-            let own = if self.confidence { chunk.mean(1, i) } else { y };
-            *image = self.finish(point.face, &Scratch { y, own, mean: chunk.mean(0, i) });
+            let (y, own) = (chunk.point(i), chunk.mean(1, i));
+            let mean = self.correct(point.face, &coordinates(*point), &y, &own, chunk.mean(0, i));
+            *image = self.finish(point.face, &Scratch { y, own, mean });
         }
     }
 }
