@@ -1,4 +1,61 @@
 //! barymap maps one shape onto another from a handful of control points.
+//!
+//! The texture of one mesh on a different one, from pairs of corresponding points ([`tools::transfer`]), goes one way:
+//! [`geometry::Mesh`] → [`surface::Embedding`] → [`surface::correspondence`] → [`tools::transfer::transfer`].
+//!
+//! ```
+//! use barymap::geometry::Topology;
+//! use barymap::models::shapes::uv_sphere;
+//! use barymap::progress::Quiet;
+//! use barymap::raster::{Depth, Image};
+//! use barymap::surface::anchors::vertex_point;
+//! use barymap::surface::correspondence::{CorrespondenceOptions, Shape, correspondence};
+//! use barymap::surface::{AnchorPairs, Embedding, EmbeddingOptions};
+//! use barymap::tools::transfer::{Layer, TransferOptions, transfer};
+//!
+//! # fn main() -> barymap::Result<()> {
+//! // Two meshes of different connectivity; files are read by `barymap::io::read_mesh`.
+//! let (source, target) = (uv_sphere(1.0, 24, 16), uv_sphere(2.0, 20, 12));
+//! let (around_source, around_target) = (Topology::new(&source), Topology::new(&target));
+//!
+//! // Corresponding points: the poles, and four vertices of the equator.
+//! let on_source = [0, 361, 169, 175, 181, 187].map(|v| vertex_point(&source, &around_source, v, "anchor"));
+//! let on_target = [0, 221, 101, 106, 111, 116].map(|v| vertex_point(&target, &around_target, v, "anchor"));
+//! let anchors = AnchorPairs {
+//!     source: on_source.into_iter().collect::<barymap::Result<_>>()?,
+//!     target: on_target.into_iter().collect::<barymap::Result<_>>()?,
+//! };
+//!
+//! // Distances along the surface become distances in eight dimensions: made once per mesh.
+//! let options = EmbeddingOptions { landmarks: 100, ..EmbeddingOptions::default() };
+//! let in_source = Embedding::compute(&source, &around_source, &options, &Quiet)?;
+//! let in_target = Embedding::compute(&target, &around_target, &options, &Quiet)?;
+//!
+//! // The map goes from the target, whose texels want colours, to the source, which has them.
+//! let map = correspondence(
+//!     Shape { mesh: &source, topology: &around_source, embedding: Some(&in_source) },
+//!     Shape { mesh: &target, topology: &around_target, embedding: Some(&in_target) },
+//!     &anchors,
+//!     &CorrespondenceOptions::default(),
+//! )?;
+//! let texture = Image::zeros(64, 64, 3, Depth::U8)?;
+//! let size = TransferOptions { width: 128, height: 128, ..TransferOptions::default() };
+//! let result = transfer(&source, &[Layer::single("colour", &texture)], &target, map.as_ref(), &size, &Quiet)?;
+//! assert!(result.stats.valid_fraction > 0.9);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! The map tells of every point whether it can be trusted ([`surface::Status`]); a picture of the coverage and the fraction of the
+//! area that is valid come with every transfer. Errors name the file or value, what is wrong and what to do ([`Error`]). The same
+//! input gives the same bytes, for any number of threads.
+//!
+//! - [`geometry`]: meshes, adjacency, diagnosis, geodesics, simplification
+//! - [`surface`]: weighted averages on surfaces (Panozzo, Baran, Diamanti, Sorkine-Hornung 2013)
+//! - [`tools`]: what users do: transfer, coverage, pictures
+//! - [`engine`]: adapters and kernels
+//! - [`io`]: files
+//! - [`models`]: built-in shapes and characters with known correspondence
 
 pub mod engine;
 pub mod error;

@@ -109,7 +109,7 @@ fn format_of(path: &Path) -> Result<ImageFormat> {
         "exr" => Ok(ImageFormat::OpenExr),
         _ => {
             let what = format!("{} has no extension of a picture format that can be written", path.display());
-            Err(Error::option("--out", what, "End the name in .png, .jpg, .tif or .exr"))
+            Err(Error::option("--output", what, "End the name in .png, .jpg, .tif or .exr"))
         }
     }
 }

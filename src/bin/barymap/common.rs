@@ -239,6 +239,10 @@ pub(crate) fn anchor_pairs(
     session: &Session<'_>,
 ) -> Result<AnchorPairs> {
     let file = barymap::io::anchors::read_pairs(path)?;
+    if file.source.anchors.is_empty() && file.target.anchors.is_empty() {
+        let what = format!("{path}: there are no anchors");
+        return Err(Error::input(what, "Give at least one pair, better twenty or more"));
+    }
     let pairs =
         AnchorPairs { source: source.resolve(&file.source, session)?, target: target.resolve(&file.target, session)? };
     for warning in pairs.check((&source.mesh, &source.topology), (&target.mesh, &target.topology))? {

@@ -39,7 +39,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let path = |name: &str| arguments.out.join(name);
     let mut session = Session::start(common)?;
     let pair = character_pair();
-    let texture = pair.source.texture(2048);
+    let texture = pair.source.texture(arguments.size.clamp(256, 2048));
     let (source_points, target_points) = pair.anchors(arguments.anchors);
     let anchors = AnchorPairs { source: source_points, target: target_points };
     let (mut source, mut target) =

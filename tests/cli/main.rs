@@ -1,0 +1,8 @@
+//! The command line end to end: the built program on small meshes written for each test, and on the bad files of `BARYMAP_DATA`.
+
+mod faults;
+mod machine;
+mod pairs;
+mod steps;
+mod support;
+mod transfer;

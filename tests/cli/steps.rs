@@ -1,0 +1,167 @@
+//! The steps of the main job by themselves: `map`, `weights`, `average`, `check`, `embed`, `render`, `devices`.
+
+use barymap::io::read_mesh;
+
+use crate::support::{Folder, STRETCH};
+
+/// Anchors for the source alone: vertices spread over it.
+const SINGLE: &str = r#"{"anchors": [0, 3, 20, 47, 66, 90, 111, 130, 155, 170, 200, 222, 250, 277, 300, 333, 361]}"#;
+
+#[test]
+fn map_has_a_row_per_target_vertex() {
+    let f = Folder::spheres();
+    let map = "map --backend cpu --source s.obj --target t.obj --anchors a.json";
+    f.run(&format!("{map} -o m.csv --report r.json")).succeeds();
+    let text = f.read("m.csv");
+    let mut lines = text.lines();
+    assert_eq!(lines.next(), Some("index,face,b0,b1,b2,x,y,z,status,confidence"));
+    let target = read_mesh(f.path("t.obj")).unwrap().mesh;
+    let source = read_mesh(f.path("s.obj")).unwrap().mesh;
+    let mut valid = 0;
+    let mut total = 0.0;
+    for (i, line) in lines.clone().enumerate() {
+        let cells: Vec<&str> = line.split(',').collect();
+        assert_eq!(cells.len(), 10, "{line}");
+        assert_eq!(cells[0], i.to_string());
+        assert!(["valid", "doubtful", "failed"].contains(&cells[8]), "{line}");
+        let n = |k: usize| -> f64 { cells[k].parse().unwrap() };
+        assert!((0.0..=1.0).contains(&n(9)), "{line}");
+        if cells[8] == "valid" {
+            valid += 1;
+            assert!((n(2) + n(3) + n(4) - 1.0).abs() < 1e-6, "{line}");
+            let p = glam::DVec3::new(n(5), n(6), n(7));
+            let corners = source.triangle_positions(n(1) as usize);
+            let at = corners[0] * n(2) + corners[1] * n(3) + corners[2] * n(4);
+            assert!(p.distance(at) < 1e-5, "x, y, z are the point of the triangle: {line}");
+            total += p.distance((target.positions[i] / STRETCH).normalize());
+        }
+    }
+    assert_eq!(lines.count(), target.vertex_count());
+    assert!(valid as f64 > 0.9 * target.vertex_count() as f64, "{valid} valid");
+    assert!(total / f64::from(valid) < 0.06, "mean error {}", total / f64::from(valid));
+    let report = f.json("r.json");
+    for key in ["valid_fraction", "flipped_area", "flipped_faces", "stretch_all", "stretch_best95", "stress"] {
+        assert!(!report[key].is_null(), "{key} is missing in {report}");
+    }
+
+    f.write("p.csv", "face,b0,b1,b2\n0,0.2,0.3,0.5\n7,1,0,0\n");
+    f.run(&format!("{map} -o q.csv --points p.csv")).succeeds();
+    assert_eq!(f.read("q.csv").lines().count(), 3);
+    f.write("p.csv", "face,b0,b1,b2\n99999,0.2,0.3,0.5\n");
+    f.run(&format!("{map} -o none.csv --points p.csv")).fails(1, &["p.csv", "99999"]);
+    f.write("p.csv", "face,b0,b1,b2\n0,0.2,NaN,0.5\n");
+    f.run(&format!("{map} -o none.csv --points p.csv")).fails(1, &["p.csv", "line 2"]);
+    assert!(!f.path("none.csv").exists());
+}
+
+#[test]
+fn averages_of_the_weights_are_the_points() {
+    let f = Folder::spheres();
+    f.write("single.json", SINGLE);
+    f.write("p.csv", "face,b0,b1,b2\n40,0.2,0.3,0.5\n300,0.6,0.3,0.1\n511,0.25,0.25,0.5\n");
+    f.run("weights s.obj --backend cpu --anchors single.json --points p.csv -o w.npy").succeeds();
+    let (columns, weights) = barymap::io::npy::read_npy(f.path("w.npy")).unwrap();
+    assert_eq!((columns, weights.len()), (17, 51));
+    let rows: Vec<String> = weights
+        .chunks(17)
+        .map(|row| {
+            assert!((row.iter().sum::<f64>() - 1.0).abs() < 1e-9, "weights sum to one");
+            row.iter().map(|w| format!("{w:e}")).collect::<Vec<_>>().join(",")
+        })
+        .collect();
+    f.write("w.csv", &(rows.join("\n") + "\n"));
+    f.run("average s.obj --backend cpu --anchors single.json --weights w.csv -o q.csv").succeeds();
+    let mesh = read_mesh(f.path("s.obj")).unwrap().mesh;
+    let place = |file: &str| -> Vec<glam::DVec3> {
+        barymap::io::points::read_points(f.path(file), &mesh).unwrap().iter().map(|p| p.position(&mesh)).collect()
+    };
+    for (p, q) in place("p.csv").iter().zip(place("q.csv")) {
+        assert!(p.distance(q) < 1e-6, "{p} came back as {q}");
+    }
+    f.write("w.csv", "0.5,0.5\n");
+    f.run("average s.obj --backend cpu --anchors single.json --weights w.csv -o none.csv").fails(1, &["w.csv", "17"]);
+    f.write("w.csv", &(vec!["1"; 17].join(",") + "\n"));
+    f.run("average s.obj --backend cpu --anchors single.json --weights w.csv -o none.csv").fails(1, &["sum"]);
+    assert!(!f.path("none.csv").exists());
+}
+
+#[test]
+fn check_tells_what_is_covered() {
+    let f = Folder::spheres();
+    f.write("single.json", SINGLE);
+    let ran = f.run("check s.obj --backend cpu --anchors single.json -o cover.ply --report r.json").succeeds();
+    assert!(ran.stdout.contains("17 anchors cover"), "{}", ran.stdout);
+    let all = f.json("r.json")["covered_fraction"].as_f64().unwrap();
+    assert!((0.9..=1.0).contains(&all), "{all}");
+    let mesh = read_mesh(f.path("cover.ply")).unwrap().mesh;
+    assert_eq!(mesh.vertex_count(), read_mesh(f.path("s.obj")).unwrap().mesh.vertex_count());
+    // All anchors on the lower side leave the upper one uncovered.
+    f.write("few.json", r#"{"anchors": [0, 1, 5, 10]}"#);
+    f.run("check s.obj --backend cpu --anchors few.json --report r.json").succeeds();
+    let report = f.json("r.json");
+    assert!(report["covered_fraction"].as_f64().unwrap() < all, "{report}");
+    assert!(!report["proposals"].as_array().unwrap().is_empty(), "{report}");
+}
+
+#[test]
+fn embed_writes_a_row_per_vertex_line() {
+    let f = Folder::spheres();
+    // A vertex that no face uses keeps its number.
+    f.write("s.obj", &format!("v 9 9 9\n{}", shifted(&f.read("s.obj"))));
+    f.run("embed s.obj --backend cpu -o e.npy --report r.json").succeeds();
+    let (columns, values) = barymap::io::npy::read_npy(f.path("e.npy")).unwrap();
+    let mesh = read_mesh(f.path("s.obj")).unwrap().mesh;
+    assert_eq!((columns, values.len()), (8, 8 * mesh.vertex_count()));
+    assert!(values[..8].iter().all(|x| x.is_nan()), "an unused vertex has no place");
+    assert!(values[8..].iter().all(|x| x.is_finite()));
+    assert!(f.json("r.json")["stress"].as_f64().unwrap() < 0.02);
+    f.run("embed s.obj --backend cpu -o e4.npy --dimension 4 --sampling decimation --landmarks 100").succeeds();
+    for wrong in ["--dimension 5", "--dimension 0", "--dimension 100000", "--landmarks 0", "--landmarks 1"] {
+        let ran = f.run(&format!("embed s.obj --backend cpu -o none.npy {wrong}"));
+        assert!(matches!(ran.code, Some(1 | 2)), "{wrong}: {ran:?}");
+        assert!(!f.path("none.npy").exists(), "{wrong}");
+        ran.message();
+    }
+}
+
+/// The faces of an OBJ file with one more vertex before all others.
+fn shifted(text: &str) -> String {
+    let corner = |word: &str| {
+        let (v, rest) = word.split_once('/').unwrap_or((word, ""));
+        let v: usize = v.parse().unwrap();
+        if rest.is_empty() { format!("{}", v + 1) } else { format!("{}/{rest}", v + 1) }
+    };
+    text.lines()
+        .map(|line| match line.strip_prefix("f ") {
+            Some(face) => format!("f {}", face.split_whitespace().map(corner).collect::<Vec<_>>().join(" ")),
+            None => line.to_owned(),
+        })
+        .collect::<Vec<_>>()
+        .join("\n")
+}
+
+#[test]
+fn render_draws_the_mesh() {
+    let f = Folder::spheres();
+    f.write("single.json", SINGLE);
+    f.run("render s.obj --texture s.png --anchors single.json --numbers --view -30,20 --size 90x60 -o p.png")
+        .succeeds();
+    let picture = f.image("p.png");
+    assert_eq!((picture.width, picture.height), (90, 60));
+    assert!(picture.get(0, 0, 0) > 0.99 && picture.get(45, 30, 0) + picture.get(45, 30, 1) < 1.98, "a shape on white");
+    f.run("render s.obj --size 40 --wireframe -o q.png").succeeds();
+    f.run("render s.obj --size 0 -o none.png").fails(2, &["width"]);
+    f.run("render s.obj -o none.bmp").fails(2, &["none.bmp"]);
+    assert_eq!(f.run("render s.obj --view up -o none.png").code, Some(2));
+    assert_eq!(f.run("render s.obj --view NaN,0 -o none.png").code, Some(2));
+    assert!(!f.path("none.png").exists());
+}
+
+#[test]
+fn devices_tells_what_auto_takes() {
+    let f = Folder::empty();
+    let ran = f.run("devices --report r.json").succeeds();
+    assert!(ran.stdout.contains("in use: "), "{}", ran.stdout);
+    let report = f.json("r.json");
+    assert!(report["adapters"].is_array() && report["backend"]["name"].is_string(), "{report}");
+}
