@@ -213,44 +213,47 @@ impl Layout {
     }
 }
 
-/// Packs boxes on shelves into the unit square at the largest common scale: the scale and the lower left corners.
+/// Packs boxes into the unit square at the largest common scale: the scale and the lower left corners.
 fn pack(sizes: &[DVec2]) -> (f64, Vec<DVec2>) {
     let mut order: Vec<usize> = (0..sizes.len()).collect();
-    order.sort_by(|&a, &b| sizes[b].y.total_cmp(&sizes[a].y).then(a.cmp(&b)));
+    order.sort_by(|&a, &b| sizes[b].max_element().total_cmp(&sizes[a].max_element()).then(a.cmp(&b)));
     let area: f64 = sizes.iter().map(|s| s.x * s.y).sum();
     let (mut low, mut high) = (0.0, 1.0 / area.sqrt());
     for _ in 0..40 {
         let middle = 0.5 * (low + high);
-        if shelves(sizes, &order, middle).is_some() {
+        if drop_boxes(sizes, &order, middle).is_some() {
             low = middle;
         } else {
             high = middle;
         }
     }
-    let places = shelves(sizes, &order, low).unwrap_or_else(|| vec![DVec2::splat(0.5); sizes.len()]);
+    let places = drop_boxes(sizes, &order, low).unwrap_or_else(|| vec![DVec2::splat(0.5); sizes.len()]);
     (low, places)
 }
 
-fn shelves(sizes: &[DVec2], order: &[usize], scale: f64) -> Option<Vec<DVec2>> {
+/// Drops one box after the other to the lowest, then leftmost place over the skyline of those before; `None` if one does not fit.
+fn drop_boxes(sizes: &[DVec2], order: &[usize], scale: f64) -> Option<Vec<DVec2>> {
     let mut places = vec![DVec2::ZERO; sizes.len()];
-    let mut shelf: Vec<(f64, f64, f64)> = Vec::new(); // bottom, height, next x
-    let mut top = GAP;
+    // Steps of the skyline from the left: start and height.
+    let mut skyline = vec![(GAP, GAP)];
     for &i in order {
         let size = sizes[i] * scale;
-        let open = shelf.iter_mut().find(|s| s.2 + size.x + GAP <= 1.0 && size.y <= s.1);
-        let s = match open {
-            Some(s) => s,
-            None => {
-                if top + size.y + GAP > 1.0 || size.x + 2.0 * GAP > 1.0 {
-                    return None;
-                }
-                shelf.push((top, size.y, GAP));
-                top += size.y + GAP;
-                shelf.last_mut()?
-            }
+        let height_over = |x: f64| {
+            let end = x + size.x + GAP;
+            let next = |k: usize| skyline.get(k + 1).map_or(1.0, |s| s.0);
+            (0..skyline.len()).filter(|&k| next(k) > x && skyline[k].0 < end).fold(GAP, |h, k| skyline[k].1.max(h))
         };
-        places[i] = DVec2::new(s.2, s.0);
-        s.2 += size.x + GAP;
+        let (y, x) = skyline
+            .iter()
+            .map(|s| (height_over(s.0), s.0))
+            .filter(|(y, x)| x + size.x + GAP <= 1.0 && y + size.y + GAP <= 1.0)
+            .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)))?;
+        places[i] = DVec2::new(x, y);
+        let end = x + size.x + GAP;
+        let after = skyline.iter().rev().find(|s| s.0 <= end).map_or(GAP, |s| s.1);
+        skyline.retain(|s| s.0 < x || s.0 > end);
+        skyline.extend([(x, y + size.y + GAP), (end, after)]);
+        skyline.sort_by(|a, b| a.0.total_cmp(&b.0));
     }
     Some(places)
 }

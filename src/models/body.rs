@@ -268,14 +268,21 @@ impl<'a> Posed<'a> {
             (true, 2 | 3) if middle => 0.24,
             (true, _) => 0.36,
         };
+        // The ears stand on quads beside the middle, smaller than their share of the head.
+        let beside = !inner && middle && z < 2;
         let fy = match y {
             6 => -1.0,
+            7 if beside => -0.24,
             7 => -0.36,
+            8 if beside => 0.17,
             8 => 0.26,
             _ => 1.0,
         };
-        // The ears stand on quads beside the middle, smaller than the back of the head.
-        let fz = if !inner && middle && z == 0 { -0.6 } else { f64::from(z.min(2) - 1) };
+        let fz = match z {
+            0 if beside => -0.56,
+            1 if beside => -0.1,
+            _ => f64::from(z.min(2) - 1),
+        };
         let cube = DVec3::new(sign * fx, fy, fz);
         // Between a ball and a box.
         let norm = cube.abs().to_array().iter().map(|c| c.powf(2.6)).sum::<f64>().powf(1.0 / 2.6);

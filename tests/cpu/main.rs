@@ -4,5 +4,7 @@
 mod common;
 mod embedding;
 mod io;
+mod models;
+mod render;
 mod shaders;
 mod transfer;
