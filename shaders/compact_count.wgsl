@@ -21,7 +21,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_inde
     for (var k = 0u; k < ITEMS; k++) {
         let i = base + k * GROUP;
         if i < span.end {
-            if words[i * matching.stride + matching.offset] == matching.value {
+            if (words[i * matching.stride + matching.offset] & matching.mask) == matching.value {
                 mine += 1u;
             }
         }

@@ -4,7 +4,7 @@
 
 @group(0) @binding(0) var<uniform> span: Span;
 @group(0) @binding(1) var<storage, read_write> runs: array<u32>;
-@group(0) @binding(2) var<storage, read_write> total: array<u32>;
+@group(0) @binding(2) var<storage, read_write> list: array<u32>;
 
 var<workgroup> lanes: array<u32, GROUP>;
 
@@ -29,6 +29,6 @@ fn main(@builtin(local_invocation_index) lane: u32) {
         offset += count;
     }
     if lane == GROUP - 1u {
-        total[0] = offset;
+        list[0] = offset;
     }
 }

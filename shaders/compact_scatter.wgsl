@@ -7,7 +7,7 @@
 @group(0) @binding(1) var<uniform> matching: Matching;
 @group(0) @binding(2) var<storage, read> words: array<u32>;
 @group(0) @binding(3) var<storage, read> runs: array<u32>;
-@group(0) @binding(4) var<storage, read_write> indices: array<u32>;
+@group(0) @binding(4) var<storage, read_write> list: array<u32>;
 
 // Items a lane takes, here one after the other so that the order is kept; compact::ITEMS.
 const ITEMS: u32 = 16u;
@@ -22,7 +22,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_inde
     for (var k = 0u; k < ITEMS; k++) {
         let i = base + k;
         if i < span.end {
-            if words[i * matching.stride + matching.offset] == matching.value {
+            if (words[i * matching.stride + matching.offset] & matching.mask) == matching.value {
                 found |= 1u << k;
             }
         }
@@ -38,7 +38,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_inde
     }
     for (var k = 0u; k < ITEMS; k++) {
         if (found & (1u << k)) != 0u {
-            indices[offset] = base + k;
+            list[offset + 1u] = base + k;
             offset += 1u;
         }
     }

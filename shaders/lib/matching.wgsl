@@ -4,5 +4,5 @@ struct Matching {
     stride: u32,
     offset: u32,
     value: u32,
-    unused: u32,
+    mask: u32,
 }

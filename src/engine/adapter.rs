@@ -1,5 +1,7 @@
 //! Finding adapters and saying what they are.
 
+use std::fmt;
+
 use crate::error::{Error, Result};
 
 /// One adapter of this machine, as `barymap devices` lists it.
@@ -21,6 +23,22 @@ pub struct AdapterSummary {
     pub max_buffer: u64,
     /// Whether [`Backend::Auto`](super::Backend::Auto) takes this one.
     pub preferred: bool,
+}
+
+impl fmt::Display for AdapterSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{} ({}, {}, {}), buffers up to {} MiB, bindings up to {} MiB{}",
+            self.name,
+            self.kind,
+            self.interface,
+            self.driver,
+            self.max_buffer >> 20,
+            self.max_storage_binding >> 20,
+            if self.preferred { "; taken by --backend auto" } else { "" }
+        )
+    }
 }
 
 impl AdapterSummary {

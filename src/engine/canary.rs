@@ -42,6 +42,7 @@ pub(super) static CANARY: Kernel = Kernel {
     bindings: &[BindingKind::Uniform(size_of::<CanaryParams>() as u64), BindingKind::Write],
     layouts: LAYOUTS,
     items: 1,
+    constants: &[],
 };
 
 /// Runs the canary on one workgroup and records what it found.

@@ -1,5 +1,7 @@
 //! What a device can do, decided once when the engine starts. Nothing else asks a device for its limits.
 
+use std::fmt;
+
 use crate::error::{Error, Result};
 
 /// Trip count of the canary's loop: above the 65,535 at which Mesa's software drivers end loops without a word.
@@ -37,6 +39,34 @@ pub struct Capabilities {
     pub compensated_sums: bool,
     /// Whether the kernels run on the CPU behind the interface.
     pub software: bool,
+}
+
+impl fmt::Display for Capabilities {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let yes = |b| if b { "yes" } else { "no" };
+        writeln!(
+            f,
+            "limits: buffers {} MiB, storage bindings {} MiB, uniform blocks {} KiB, {} storage buffers per kernel, \
+             {} workgroups per dimension, textures {} wide",
+            self.max_buffer >> 20,
+            self.max_storage_binding >> 20,
+            self.max_uniform_binding >> 10,
+            self.max_storage_buffers,
+            self.max_groups,
+            self.max_texture_side
+        )?;
+        write!(
+            f,
+            "canaries: atomics and workgroup memory passed, loops {}, NaN seen by comparison: {}, compensated sums kept: {}",
+            if self.truncates_loops {
+                format!("end after {} iterations (kernels are planned for it)", self.loop_budget)
+            } else {
+                "run to their end".into()
+            },
+            yes(self.nan_by_comparison),
+            yes(self.compensated_sums)
+        )
+    }
 }
 
 /// What the canary kernel wrote.

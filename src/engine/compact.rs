@@ -11,7 +11,7 @@ use super::gpu::{Gpu, Pipeline};
 use super::kernel::{BindingKind, GROUP, Kernel, Layout, layout};
 use crate::error::Result;
 
-/// Which items match: those whose 32-bit word `offset`, of `stride` words an item, equals `value`.
+/// Which items match: those whose 32-bit word `offset`, of `stride` words an item, equals `value` in the bits of `mask`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Matching {
@@ -21,11 +21,11 @@ pub struct Matching {
     pub offset: u32,
     /// What it must be.
     pub value: u32,
-    /// Fills the struct to 16 bytes.
-    pub unused: u32,
+    /// The bits that are compared.
+    pub mask: u32,
 }
 
-const LAYOUTS: &[Layout] = &[layout!(Matching, { stride, offset, value, unused })];
+const LAYOUTS: &[Layout] = &[layout!(Matching, { stride, offset, value, mask })];
 const MATCHING: BindingKind = BindingKind::Uniform(size_of::<Matching>() as u64);
 const ITEMS: u32 = 16;
 
@@ -35,6 +35,7 @@ pub(super) static COMPACT_COUNT: Kernel = Kernel {
     bindings: &[MATCHING, BindingKind::Read, BindingKind::Write],
     layouts: LAYOUTS,
     items: ITEMS,
+    constants: &[],
 };
 
 pub(super) static COMPACT_SCAN: Kernel = Kernel {
@@ -43,6 +44,7 @@ pub(super) static COMPACT_SCAN: Kernel = Kernel {
     bindings: &[BindingKind::Write, BindingKind::Write],
     layouts: &[],
     items: 1,
+    constants: &[],
 };
 
 pub(super) static COMPACT_SCATTER: Kernel = Kernel {
@@ -51,6 +53,7 @@ pub(super) static COMPACT_SCATTER: Kernel = Kernel {
     bindings: &[MATCHING, BindingKind::Read, BindingKind::Read, BindingKind::Write],
     layouts: LAYOUTS,
     items: ITEMS,
+    constants: &[],
 };
 
 /// A compaction of one buffer, its bindings built once.
@@ -58,8 +61,7 @@ pub(super) static COMPACT_SCATTER: Kernel = Kernel {
 pub struct Compaction {
     _matching: UniformBlocks<Matching>,
     _blocks: Buffer<u32>,
-    total: Buffer<u32>,
-    indices: Buffer<u32>,
+    list: Buffer<u32>,
     capacity: usize,
     stages: [(Arc<Pipeline>, BindGroup); 3],
 }
@@ -73,18 +75,17 @@ impl Compaction {
         let uniform = gpu.uniform("compaction", &matching)?;
         let runs = capacity.div_ceil((GROUP * ITEMS) as usize);
         let blocks = gpu.buffer::<u32>("compaction runs", runs)?;
-        let total = gpu.buffer::<u32>("compaction total", 1)?;
-        let indices = gpu.buffer::<u32>("compaction indices", capacity)?;
+        let list = gpu.buffer::<u32>("compaction list", capacity + 1)?;
         let count = gpu.pipeline(&COMPACT_COUNT)?;
         let scan = gpu.pipeline(&COMPACT_SCAN)?;
         let scatter = gpu.pipeline(&COMPACT_SCATTER)?;
         let stages = {
             let a = gpu.bind(&count, &[uniform.bind(0), items.bind(), blocks.bind()])?;
-            let b = gpu.bind(&scan, &[blocks.bind(), total.bind()])?;
-            let c = gpu.bind(&scatter, &[uniform.bind(0), items.bind(), blocks.bind(), indices.bind()])?;
+            let b = gpu.bind(&scan, &[blocks.bind(), list.bind()])?;
+            let c = gpu.bind(&scatter, &[uniform.bind(0), items.bind(), blocks.bind(), list.bind()])?;
             [(count, a), (scan, b), (scatter, c)]
         };
-        Ok(Self { _matching: uniform, _blocks: blocks, total, indices, capacity, stages })
+        Ok(Self { _matching: uniform, _blocks: blocks, list, capacity, stages })
     }
 
     /// Adds the compaction of the first `len` items to a batch. With no items the total is zero.
@@ -92,8 +93,8 @@ impl Compaction {
     /// # Errors
     /// [`Error::Device`](crate::Error::Device), also if `len` exceeds the capacity.
     pub fn record(&self, batch: &mut Batch<'_>, len: usize) -> Result<()> {
-        self.indices.bytes(&(0..len))?;
-        batch.clear(&self.total);
+        self.list.bytes(&(0..len.saturating_add(1)))?;
+        batch.clear(&self.list);
         let [(count, a), (scan, b), (scatter, c)] = &self.stages;
         batch.dispatch(count, a, len)?;
         batch.dispatch_one_group(scan, b, len.div_ceil((GROUP * ITEMS) as usize))?;
@@ -105,16 +106,17 @@ impl Compaction {
         self.capacity
     }
 
-    /// The matching indices, in order; the first [`Compaction::count`] hold.
-    pub fn indices(&self) -> &Buffer<u32> {
-        &self.indices
+    /// The number of matches, then their indices in order; kernels bind it.
+    pub fn list(&self) -> &Buffer<u32> {
+        &self.list
     }
 
-    /// Matches found by the last submission; waits for it.
+    /// The matching indices of the last submission; waits for it.
     ///
     /// # Errors
     /// [`Error::Device`](crate::Error::Device).
-    pub fn count(&self, gpu: &Gpu) -> Result<usize> {
-        Ok(gpu.read(&self.total, 0..1)?.first().map_or(0, |n| *n as usize))
+    pub fn read(&self, gpu: &Gpu) -> Result<Vec<u32>> {
+        let count = gpu.read(&self.list, 0..1)?.first().map_or(0, |n| *n as usize);
+        gpu.read(&self.list, 1..count + 1)
     }
 }

@@ -19,7 +19,7 @@ pub struct Gpu {
     pub(super) budget: Arc<Budget>,
     pub(super) submitting: Mutex<()>,
     fault: Arc<OnceLock<String>>,
-    pipelines: Mutex<HashMap<&'static str, Arc<Pipeline>>>,
+    pipelines: Mutex<HashMap<(&'static str, Vec<u64>), Arc<Pipeline>>>,
 }
 
 impl std::fmt::Debug for Gpu {
@@ -191,11 +191,12 @@ impl Gpu {
     pub fn pipeline(&self, kernel: &'static Kernel) -> Result<Arc<Pipeline>> {
         self.check()?;
         let mut cache = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(p) = cache.get(kernel.name) {
+        let key = (kernel.name, kernel.constants.iter().map(|c| c.1.to_bits()).collect());
+        if let Some(p) = cache.get(&key) {
             return Ok(Arc::clone(p));
         }
         let p = Arc::new(self.build(kernel)?);
-        cache.insert(kernel.name, Arc::clone(&p));
+        cache.insert(key, Arc::clone(&p));
         Ok(p)
     }
 
@@ -210,6 +211,8 @@ impl Gpu {
             });
         }
         let composed = kernel.compose()?;
+        let constants: Vec<(&str, f64)> =
+            [("GROUP", f64::from(GROUP))].into_iter().chain(kernel.constants.iter().copied()).collect();
         let entries: Vec<wgpu::BindGroupLayoutEntry> = std::iter::once(entry(0, span_binding()))
             .chain(kernel.bindings.iter().zip(1..).map(|(kind, i)| entry(i, binding_type(*kind))))
             .collect();
@@ -233,7 +236,7 @@ impl Gpu {
                 module: &module,
                 entry_point: Some("main"),
                 compilation_options: wgpu::PipelineCompilationOptions {
-                    constants: &[("GROUP", f64::from(GROUP))],
+                    constants: &constants,
                     ..Default::default()
                 },
                 cache: None,
@@ -274,6 +277,11 @@ fn binding_type(kind: BindingKind) -> wgpu::BindingType {
         BindingKind::Uniform(bytes) => buffer(wgpu::BufferBindingType::Uniform, bytes),
         BindingKind::Read => buffer(wgpu::BufferBindingType::Storage { read_only: true }, 0),
         BindingKind::Write => buffer(wgpu::BufferBindingType::Storage { read_only: false }, 0),
+        BindingKind::Table => wgpu::BindingType::Texture {
+            sample_type: wgpu::TextureSampleType::Uint,
+            view_dimension: wgpu::TextureViewDimension::D2,
+            multisampled: false,
+        },
         BindingKind::Texture => wgpu::BindingType::Texture {
             sample_type: wgpu::TextureSampleType::Float { filterable: true },
             view_dimension: wgpu::TextureViewDimension::D2,

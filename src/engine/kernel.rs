@@ -19,6 +19,8 @@ pub enum BindingKind {
     Read,
     /// A storage buffer the kernel writes.
     Write,
+    /// A table of four-word records to look things up in: an unsigned 32-bit texture, see [`Table`](super::Table).
+    Table,
     /// A two-dimensional texture with filterable floating-point values.
     Texture,
     /// A filtering sampler.
@@ -63,6 +65,8 @@ pub struct Kernel {
     pub layouts: &'static [Layout],
     /// Items one invocation works on.
     pub items: u32,
+    /// Override constants of this variant of the text.
+    pub constants: &'static [(&'static str, f64)],
 }
 
 impl Kernel {
@@ -116,7 +120,7 @@ impl Span {
 mod tests {
     use super::*;
 
-    const K: Kernel = Kernel { name: "k", source: "", bindings: &[], layouts: &[], items: 4 };
+    const K: Kernel = Kernel { name: "k", source: "", bindings: &[], layouts: &[], items: 4, constants: &[] };
 
     #[test]
     fn grids_cover_all_items_within_the_limit() {

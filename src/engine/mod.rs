@@ -21,6 +21,7 @@ pub mod reduce;
 pub mod reflect;
 mod shader;
 mod start;
+mod table;
 
 pub use adapter::AdapterSummary;
 pub use buffer::{BindGroup, Binding, Buffer, PingPong, UniformBlocks};
@@ -35,6 +36,7 @@ pub use readback::ReadbackRing;
 pub use real::Real;
 pub use shader::{Composed, compose};
 pub use start::{Description, Engine};
+pub use table::Table;
 
 /// The engine's own kernels.
 pub const KERNELS: &[&Kernel] = &[

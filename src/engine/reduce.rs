@@ -42,6 +42,7 @@ pub(super) static REDUCE_SUM: Kernel = Kernel {
     bindings: &[BindingKind::Read, BindingKind::Write],
     layouts: &[],
     items: ITEMS,
+    constants: &[],
 };
 
 pub(super) static REDUCE_MIN: Kernel = Kernel {
@@ -50,6 +51,7 @@ pub(super) static REDUCE_MIN: Kernel = Kernel {
     bindings: &[BindingKind::Read, BindingKind::Write],
     layouts: LAYOUTS,
     items: ITEMS,
+    constants: &[],
 };
 
 /// One level of the tree.

@@ -2,7 +2,7 @@
 //! a fault shows before a user's first dispatch.
 
 use naga::valid::{Capabilities, GlobalUse, ModuleInfo, ValidationFlags, Validator};
-use naga::{AddressSpace, Expression, Handle, ImageClass, MathFunction, Module, StorageAccess, Type, TypeInner};
+use naga::{AddressSpace, Expression, Handle, ImageClass, MathFunction, Module, ScalarKind, StorageAccess, Type, TypeInner};
 
 use super::kernel::{BindingKind, Kernel, Layout, SPAN_LAYOUT};
 
@@ -59,13 +59,14 @@ pub fn faults(kernel: &Kernel) -> Vec<String> {
         [e] if e.name == "main" && e.stage == naga::ShaderStage::Compute => {}
         _ => found.push("must have one entry point, a compute function called main".into()),
     }
-    let constants = [("GROUP".to_string(), f64::from(super::kernel::GROUP))].into_iter().collect();
+    let group = ("GROUP", f64::from(super::kernel::GROUP));
+    let constants = [group].iter().chain(kernel.constants).map(|(name, value)| (name.to_string(), *value)).collect();
     let entry = Some((naga::ShaderStage::Compute, "main"));
     binding_faults(kernel, &module, &info, &mut found);
     layout_faults(kernel, &module, &mut found);
     match naga::back::pipeline_constants::process_overrides(&module, &info, entry, &constants) {
         Ok((module, _)) => memory_faults(&module, &mut found),
-        Err(e) => found.push(format!("override GROUP: {e}")),
+        Err(e) => found.push(format!("override constants: {e}")),
     }
     for (_, f) in module.functions.iter() {
         function_faults(f, &mut found);
@@ -117,9 +118,10 @@ fn binding_faults(kernel: &Kernel, module: &Module, info: &ModuleInfo, found: &m
             (AddressSpace::Uniform, _) => Some(BindingKind::Uniform(u64::from(size))),
             (AddressSpace::Storage { access }, _) if access == StorageAccess::LOAD => Some(BindingKind::Read),
             (AddressSpace::Storage { .. }, _) if usage.contains(GlobalUse::WRITE) => Some(BindingKind::Write),
-            (AddressSpace::Handle, TypeInner::Image { class: ImageClass::Sampled { .. }, .. }) => {
-                Some(BindingKind::Texture)
-            }
+            (AddressSpace::Handle, TypeInner::Image { class: ImageClass::Sampled { kind, .. }, .. }) => Some(match kind {
+                ScalarKind::Uint => BindingKind::Table,
+                _ => BindingKind::Texture,
+            }),
             (AddressSpace::Handle, TypeInner::Sampler { comparison: false }) => Some(BindingKind::Sampler),
             _ => None,
         };
@@ -260,7 +262,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
 
     fn check(source: String) -> Vec<String> {
         let source: &'static str = Box::leak(source.into_boxed_str());
-        faults(&Kernel { name: "demo", source, bindings: BINDINGS, layouts: TWIN, items: 1 })
+        faults(&Kernel { name: "demo", source, bindings: BINDINGS, layouts: TWIN, items: 1, constants: &[] })
     }
 
     #[test]

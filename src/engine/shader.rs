@@ -9,8 +9,14 @@ use crate::error::{Error, Result};
 
 /// The files that kernels may import.
 const LIBRARY: &[(&str, &str)] = &[
+    ("lib/frame", include_str!("../../shaders/lib/frame.wgsl")),
     ("lib/matching", include_str!("../../shaders/lib/matching.wgsl")),
+    ("lib/newton", include_str!("../../shaders/lib/newton.wgsl")),
+    ("lib/phong", include_str!("../../shaders/lib/phong.wgsl")),
+    ("lib/projection", include_str!("../../shaders/lib/projection.wgsl")),
     ("lib/span", include_str!("../../shaders/lib/span.wgsl")),
+    ("lib/table", include_str!("../../shaders/lib/table.wgsl")),
+    ("lib/vector8", include_str!("../../shaders/lib/vector8.wgsl")),
 ];
 
 /// The whole text of a kernel.

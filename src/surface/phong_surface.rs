@@ -6,6 +6,7 @@ use crate::geometry::{SurfacePoint, Topology};
 
 use super::gauge::gauge;
 use super::psi::{Orthogonal2, TangentTriangle};
+use super::search::TriangleBound;
 use super::tangents::vertex_tangents;
 use super::vector::{Vector, cast};
 
@@ -42,6 +43,8 @@ pub struct PhongSurface<S, const D: usize> {
     pub triangles: Vec<Triangle<S>>,
     /// Whether a triangle can be the result of a projection.
     pub usable: Vec<bool>,
+    /// For each triangle what rules out projections on it at once.
+    pub bounds: Vec<TriangleBound<S, D>>,
     ring_start: Vec<u32>,
     ring: Vec<u32>,
     fan_start: Vec<u32>,
@@ -99,17 +102,31 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
         }
         let scaled: Vec<Vector<f64, D>> = centred.iter().map(|y| y.map(|x| x / edge)).collect();
         let tangents = vertex_tangents(topology, &scaled);
-        let triangles = {
+        let triangles: Vec<(Triangle<S>, [Orthogonal2<f64>; 6])> = {
             use rayon::prelude::*;
             (0..topology.triangles.len())
                 .into_par_iter()
                 .map(|t| {
                     let v = topology.triangles[t];
                     let g = gauge([&tangents[v[0] as usize], &tangents[v[1] as usize], &tangents[v[2] as usize]]);
-                    Triangle { v, neighbours: topology.neighbours[t], gauge: g.map(Orthogonal2::cast) }
+                    (Triangle { v, neighbours: topology.neighbours[t], gauge: g.map(Orthogonal2::cast) }, g)
                 })
                 .collect()
         };
+        let bounds = {
+            use rayon::prelude::*;
+            let basis = |v: u32| (&scaled[v as usize], &tangents[v as usize]);
+            triangles
+                .par_iter()
+                .zip(&topology.triangles)
+                .map(|(t, v): (&(Triangle<S>, [Orthogonal2<f64>; 6]), _)| {
+                    let [a, b, c] = v.map(basis);
+                    let triangle = TangentTriangle { v: [a.0, b.0, c.0], t: [a.1, b.1, c.1], gauge: &t.1 };
+                    TriangleBound::new(&triangle).cast()
+                })
+                .collect()
+        };
+        let triangles = triangles.into_iter().map(|t| t.0).collect();
         let vertices =
             (0..n).map(|v| Vertex { y: cast(&scaled[v]), t: [cast(&tangents[v][0]), cast(&tangents[v][1])] }).collect();
         let (mut ring_start, mut ring) = (vec![0u32], Vec::new());
@@ -135,6 +152,7 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
             vertices,
             triangles,
             usable: topology.usable.clone(),
+            bounds,
             ring_start,
             ring,
             fan_start,
@@ -193,6 +211,7 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
                 .map(|t| Triangle { v: t.v, neighbours: t.neighbours, gauge: t.gauge.map(Orthogonal2::cast) })
                 .collect(),
             usable: self.usable.clone(),
+            bounds: self.bounds.iter().map(TriangleBound::cast).collect(),
             ring_start: self.ring_start.clone(),
             ring: self.ring.clone(),
             fan_start: self.fan_start.clone(),

@@ -55,7 +55,7 @@ pub const WALK_PATIENCE: f64 = 0.35;
 /// The same for the search, which must not miss a root.
 pub const SEARCH_PATIENCE: f64 = 2.0;
 
-fn centroid<S: Real>() -> [S; 3] {
+pub(super) fn centroid<S: Real>() -> [S; 3] {
     [S::of(1.0 / 3.0); 3]
 }
 
@@ -111,7 +111,7 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
         best.1
     }
 
-    fn candidate(&self, mean: &Vector<S, D>, face: u32, x: [S; 3], found: Found) -> Projection<S> {
+    pub(super) fn candidate(&self, mean: &Vector<S, D>, face: u32, x: [S; 3], found: Found) -> Projection<S> {
         let y = self.triangle(face).point(&x);
         Projection { face, x, distance_squared: distance_squared(&y, mean), found }
     }
@@ -137,41 +137,6 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
                     (previous, t) = (t, next);
                 }
             }
-        }
-        None
-    }
-
-    /// Breadth-first search over triangles that share a vertex, level by level from the fan of `v`: the nearest root of the first
-    /// level that has one (lowest triangle on ties). At most `cap` triangles are tested, a level is always finished.
-    fn search(&self, mean: &Vector<S, D>, v: u32, cap: u32) -> Option<Projection<S>> {
-        let mut seen = std::collections::HashSet::new();
-        let mut level: Vec<u32> = self.fan(v).to_vec();
-        seen.extend(level.iter().copied());
-        let mut tested = 0;
-        while !level.is_empty() && tested < cap {
-            let mut best: Option<Projection<S>> = None;
-            for &t in &level {
-                tested += 1;
-                if let Root::Inside(x) = self.triangle(t).project(mean, centroid(), S::of(SEARCH_PATIENCE)) {
-                    let c = self.candidate(mean, t, x, Found::Search);
-                    if best.is_none_or(|b| c.distance_squared < b.distance_squared) {
-                        best = Some(c);
-                    }
-                }
-            }
-            if best.is_some() {
-                return best;
-            }
-            let mut next: Vec<u32> = level
-                .iter()
-                .flat_map(|&t| self.triangles[t as usize].v)
-                .flat_map(|w| self.fan(w).iter().copied())
-                .filter(|t| !seen.contains(t))
-                .collect();
-            next.sort_unstable();
-            next.dedup();
-            seen.extend(next.iter().copied());
-            level = next;
         }
         None
     }

@@ -7,7 +7,7 @@ use std::path::Path;
 use barymap::engine::{Kernel, reflect};
 
 fn kernels() -> Vec<&'static Kernel> {
-    barymap::engine::KERNELS.to_vec()
+    [barymap::engine::KERNELS, barymap::surface::gpu::KERNELS].concat()
 }
 
 #[test]

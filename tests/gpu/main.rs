@@ -5,6 +5,7 @@
 
 mod device;
 mod patterns;
+mod surface;
 
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};

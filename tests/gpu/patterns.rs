@@ -47,7 +47,7 @@ fn the_minimum_is_the_first_of_the_smallest() {
 
 fn compacted(gpu: &Gpu, items: &[[u32; 3]], n: usize) -> Vec<u32> {
     let buffer = gpu.upload("items", items).unwrap();
-    let matching = Matching { stride: 3, offset: 1, value: 7, unused: 0 };
+    let matching = Matching { stride: 3, offset: 1, value: 7, mask: 7 };
     let compaction = Compaction::new(gpu, &buffer, items.len(), matching).unwrap();
     // Twice, so that what the first run left behind shows.
     for _ in 0..2 {
@@ -55,8 +55,7 @@ fn compacted(gpu: &Gpu, items: &[[u32; 3]], n: usize) -> Vec<u32> {
         compaction.record(&mut batch, n).unwrap();
         batch.submit().unwrap();
     }
-    let count = compaction.count(gpu).unwrap();
-    gpu.read(compaction.indices(), 0..count).unwrap()
+    compaction.read(gpu).unwrap()
 }
 
 #[test]
@@ -64,8 +63,8 @@ fn compaction_keeps_the_order() {
     for gpu in devices() {
         for &n in SIZES {
             let items: Vec<[u32; 3]> =
-                numbers(n).iter().zip(0..).map(|(v, i)| [7, if *v > 20.0 { 7 } else { i % 5 }, 7]).collect();
-            let plain: Vec<u32> = (0..n as u32).filter(|i| items[*i as usize][1] == 7).collect();
+                numbers(n).iter().zip(0..).map(|(v, i)| [7, if *v > 20.0 { 7 + 8 * i } else { i % 5 }, 7]).collect();
+            let plain: Vec<u32> = (0..n as u32).filter(|i| items[*i as usize][1] % 8 == 7).collect();
             assert_eq!(compacted(gpu, &items, n), plain, "{n} items");
         }
         let all = vec![[0, 7, 0]; 2 * RUN + 1];
@@ -76,7 +75,7 @@ fn compaction_keeps_the_order() {
                 gpu,
                 &gpu.upload("x", &[0u32; 3]).unwrap(),
                 1,
-                Matching { stride: 3, offset: 1, value: 7, unused: 0 }
+                Matching { stride: 3, offset: 1, value: 7, mask: 7 }
             )
             .unwrap()
             .record(&mut gpu.batch().unwrap(), 2)
@@ -137,6 +136,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     bindings: &[BindingKind::Read, BindingKind::Write],
     layouts: &[],
     items: 1,
+    constants: &[],
 };
 
 #[test]
@@ -197,7 +197,7 @@ fn bindings_that_do_not_fit_the_kernel_are_errors() {
     }
 }
 
-static BROKEN: Kernel = Kernel { name: "test_broken", source: "fn main( {", bindings: &[], layouts: &[], items: 1 };
+static BROKEN: Kernel = Kernel { name: "test_broken", source: "fn main( {", bindings: &[], layouts: &[], items: 1, constants: &[] };
 
 #[test]
 fn a_kernel_the_device_refuses_is_an_error() {

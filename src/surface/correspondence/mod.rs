@@ -7,6 +7,7 @@ mod weighted;
 
 pub use baseline::Baseline;
 pub use confidence::{Evidence, Trust};
+pub(crate) use weighted::AVERAGE_SCALE;
 pub use weighted::{Scratch, WeightedAverages};
 
 use crate::engine::LaneScalar;

@@ -331,6 +331,11 @@ impl<S: Real, const D: usize> WeightedAverages<S, D> {
             status: status as u32,
         }
     }
+
+    /// Whether evidence is gathered for every point.
+    pub fn gathers_evidence(&self) -> bool {
+        self.confidence
+    }
 }
 
 impl<S: LaneScalar, const D: usize> WeightedAverages<S, D> {

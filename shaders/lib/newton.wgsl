@@ -1,0 +1,147 @@
+// Phong projection onto one triangle by Newton's method in two unknowns. Reference and explanation: surface::psi.
+
+//#import lib/phong
+
+// How far outside a triangle a root may lie; psi::slack.
+const SLACK: f32 = 1e-4;
+const NEWTON_STEPS: u32 = 12u;
+const EPSILON: f32 = 1.1920928955078125e-7;
+
+// Q_kj = G_k T_i(k) (v_j - ybar) as the columns j of one matrix for each k, and P_ii, which vanishes where vertex i
+// itself is a projection.
+struct System {
+    q0: mat3x2f,
+    q1: mat3x2f,
+    q2: mat3x2f,
+    q3: mat3x2f,
+    q4: mat3x2f,
+    q5: mat3x2f,
+}
+
+fn tangential(t: Corner, d0: Vec8, d1: Vec8, d2: Vec8) -> mat3x2f {
+    return mat3x2f(dot8(t.a, d0), dot8(t.b, d0), dot8(t.a, d1), dot8(t.b, d1), dot8(t.a, d2), dot8(t.b, d2));
+}
+
+fn phong_system(vertices: texture_2d<u32>, triangles: texture_2d<u32>, face: u32, head: vec4u, mean: Vec8) -> System {
+    let g = gauge(triangles, face, head.w);
+    let t0 = corner(vertices, head.x);
+    let t1 = corner(vertices, head.y);
+    let t2 = corner(vertices, head.z);
+    let d0 = sub8(t0.y, mean);
+    let d1 = sub8(t1.y, mean);
+    let d2 = sub8(t2.y, mean);
+    let p0 = tangential(t0, d0, d1, d2);
+    let p1 = tangential(t1, d0, d1, d2);
+    let p2 = tangential(t2, d0, d1, d2);
+    return System(g.g0 * p0, g.g1 * p1, g.g2 * p1, g.g3 * p2, g.g4 * p2, g.g5 * p0);
+}
+
+struct Root {
+    x: vec3f,
+    inside: bool,
+}
+
+fn largest(v: vec2f) -> f32 {
+    return max(abs(v.x), abs(v.y));
+}
+
+// Adds the part of basis k: f, and the columns of df.
+fn add_basis(f: ptr<function, vec2f>, df: ptr<function, mat3x2f>, q: mat3x2f, x: vec3f, c: f32, dc: vec3f) {
+    let u = q * x;
+    *f += c * u;
+    *df += mat3x2f(dc.x * u + c * q[0], dc.y * u + c * q[1], dc.z * u + c * q[2]);
+}
+
+struct Step {
+    d: vec2f,
+    sound: bool,
+}
+
+fn newton_step(system: System, x: vec3f) -> Step {
+    let r = 1.0 / (x.x * x.y + x.y * x.z + x.z * x.x);
+    let m = unscaled_coefficients(x);
+    let ca = m.a * r;
+    let cb = m.b * r;
+    let ds = vec3f(x.y + x.z, x.z + x.x, x.x + x.y);
+    let h = 0.5 * vec3f(x.y * x.z, x.z * x.x, x.x * x.y);
+    let xx = x * x;
+    let xy = 2.0 * x.x * x.y;
+    let yz = 2.0 * x.y * x.z;
+    let zx = 2.0 * x.z * x.x;
+    var f = vec2f();
+    var df = mat3x2f();
+    add_basis(&f, &df, system.q0, x, ca.x, (vec3f(xy + h.x, xx.x + h.y, h.z) - ca.x * ds) * r);
+    add_basis(&f, &df, system.q1, x, ca.y, (vec3f(xx.y + h.x, xy + h.y, h.z) - ca.y * ds) * r);
+    add_basis(&f, &df, system.q2, x, ca.z, (vec3f(h.x, yz + h.y, xx.y + h.z) - ca.z * ds) * r);
+    add_basis(&f, &df, system.q3, x, cb.x, (vec3f(h.x, xx.z + h.y, yz + h.z) - cb.x * ds) * r);
+    add_basis(&f, &df, system.q4, x, cb.y, (vec3f(xx.z + h.x, h.y, zx + h.z) - cb.y * ds) * r);
+    add_basis(&f, &df, system.q5, x, cb.z, (vec3f(zx + h.x, h.y, xx.x + h.z) - cb.z * ds) * r);
+    let j0 = df[0] - df[2];
+    let j1 = df[1] - df[2];
+    let det = j0.x * j1.y - j1.x * j0.y;
+    let diagonal = max(abs(j0.x), abs(j1.y));
+    let across = max(abs(j1.x), abs(j0.y));
+    if abs(det) <= EPSILON * (diagonal * diagonal + across * across) {
+        return Step(vec2f(), false);
+    }
+    return Step(vec2f(j1.x * f.y - j1.y * f.x, j0.y * f.x - j0.x * f.y) / det, true);
+}
+
+// Accepts coordinates within the slack, clamped to the triangle.
+fn inside_or_not(x: vec3f) -> Root {
+    if min(x.x, min(x.y, x.z)) < -SLACK {
+        return Root(x, false);
+    }
+    let c = max(x, vec3f());
+    return Root(c / (c.x + c.y + c.z), true);
+}
+
+// The iterate has reached a vertex, or passed the circle where Psi has its pole. Lengths are those of Q in place of P:
+// G_k is orthogonal.
+fn vertex_root(system: System, x: vec3f) -> Root {
+    var e = vec3f(1.0, 0.0, 0.0);
+    var q = system.q0;
+    var others = x.yz;
+    if x.y > x.x && x.y >= x.z {
+        e = vec3f(0.0, 1.0, 0.0);
+        q = system.q1;
+        others = x.zx;
+    } else if x.z > x.x {
+        e = vec3f(0.0, 0.0, 1.0);
+        q = system.q3;
+        others = x.xy;
+    }
+    let own = q * e;
+    let scale = max(largest(q[0] - own), max(largest(q[1] - own), largest(q[2] - own)));
+    if largest(others) <= SLACK && largest(own) <= SLACK * scale {
+        return Root(e, true);
+    }
+    return Root(x, false);
+}
+
+fn project_triangle(system: System, patience: f32) -> Root {
+    var x = vec3f(1.0 / 3.0);
+    var last = 1e30;
+    for (var i = 0u; i < NEWTON_STEPS; i++) {
+        let step = newton_step(system, x);
+        if !step.sound {
+            return Root(x, false);
+        }
+        x += vec3f(step.d, -step.d.x - step.d.y);
+        if min(x.x, min(x.y, x.z)) < -patience {
+            return Root(x, false);
+        }
+        if x.x * x.y + x.y * x.z + x.z * x.x <= AT_VERTEX {
+            return vertex_root(system, x);
+        }
+        let size = largest(step.d);
+        if size <= 8.0 * EPSILON || (size <= 1e-4 && size * size <= EPSILON && last < 1e30) {
+            return inside_or_not(x);
+        }
+        last = size;
+    }
+    if last <= 1e-3 {
+        return inside_or_not(x);
+    }
+    return Root(x, false);
+}

@@ -1,0 +1,55 @@
+// What the kernels of the forward problem share. Reference: surface::project.
+
+//#import lib/newton
+
+// Twin: surface::gpu::project_phong::ProjectParams.
+struct ProjectParams {
+    // Halves of vectors an entry of `averages` has, and where the point and what its distance is measured from begin.
+    stride: u32,
+    point: u32,
+    reference: u32,
+    // Texels of `starts` per triangle of the target.
+    start_stride: u32,
+    // Bounds of the walks; project::SearchLimits::FIRST, less where vertices have very many neighbours.
+    vertex_steps: u32,
+    triangle_steps: u32,
+    unused0: u32,
+    unused1: u32,
+}
+
+// Twin: surface::gpu::project_phong::Projected.
+struct Projected {
+    // The triangle, or NONE.
+    face: u32,
+    b0: f32,
+    b1: f32,
+    // From the reference to the projection.
+    distance_squared: f32,
+    // From the reference to the projected point.
+    offset_squared: f32,
+    // How it was found; where it is LEFT, also whether the walk found a root all the same (ASTRAY), and the vertex that the walk over
+    // vertices ended at, times VERTEX.
+    found: u32,
+}
+
+// project::Found, and what is left to the next pass.
+const NOTHING: u32 = 0u;
+const BY_WALK: u32 = 1u;
+const BY_SEARCH: u32 = 2u;
+const LEFT: u32 = 3u;
+const ASTRAY: u32 = 4u;
+const VERTEX: u32 = 8u;
+
+fn unprojected(face: u32, y: Vec8, reference: Vec8, found: u32) -> Projected {
+    let d = sub8(y, reference);
+    return Projected(face, 0.0, 0.0, 0.0, dot8(d, d), found);
+}
+
+// The root `x` in triangle `face`.
+fn projected(vertices: texture_2d<u32>, face: u32, head: vec4u, x: vec3f, none: Projected, reference: Vec8, found: u32) -> Projected {
+    let a = vertex_point(vertices, head.x);
+    let b = vertex_point(vertices, head.y);
+    let c = vertex_point(vertices, head.z);
+    let d = sub8(combine8(x, a, b, c), reference);
+    return Projected(face, x.x, x.y, dot8(d, d), none.offset_squared, found);
+}

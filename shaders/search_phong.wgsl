@@ -1,0 +1,96 @@
+// Second pass of the forward problem, over the points that project_phong left: the nearest root of the first level of
+// triangles around the vertex that has one (paper, section 3.3). Reference and explanation: surface::search. The order of the
+// triangles is worked out beforehand (surface::gpu::tables), because a queue in every lane would be ruinous. What finds
+// nothing here goes through the reference and its longer search.
+
+//#import lib/span
+//#import lib/projection
+
+@group(0) @binding(0) var<uniform> span: Span;
+@group(0) @binding(1) var<uniform> params: ProjectParams;
+@group(0) @binding(2) var<storage, read> averages: array<vec4f>;
+// The number of points left, then their indices.
+@group(0) @binding(3) var<storage, read> list: array<u32>;
+@group(0) @binding(4) var<storage, read_write> results: array<Projected>;
+@group(0) @binding(5) var vertices: texture_2d<u32>;
+@group(0) @binding(6) var triangles: texture_2d<u32>;
+@group(0) @binding(7) var bounds: texture_2d<u32>;
+// Triangles around each vertex, four to a texel; the first of each level is marked.
+@group(0) @binding(8) var near: texture_2d<u32>;
+
+// project::SEARCH_PATIENCE.
+const PATIENCE: f32 = 2.0;
+// search::NEW_LEVEL.
+const NEW_LEVEL: u32 = 0x80000000u;
+const BOUND_TEXELS: u32 = 7u;
+
+// Whether the triangle can hold a root; search::TriangleBound.
+fn admits(face: u32, y: Vec8) -> bool {
+    let i = face * BOUND_TEXELS;
+    let d = sub8(Vec8(texel_f32(bounds, i), texel_f32(bounds, i + 1u)), y);
+    let a = dot8(Vec8(texel_f32(bounds, i + 2u), texel_f32(bounds, i + 3u)), d);
+    let b = dot8(Vec8(texel_f32(bounds, i + 4u), texel_f32(bounds, i + 5u)), d);
+    let reach = texel_f32(bounds, i + 6u);
+    let most = reach.x + reach.y * sqrt(dot8(d, d));
+    return a * a + b * b <= most * most;
+}
+
+@compute @workgroup_size(GROUP)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    let item = span.first + invocation(span, id);
+    if item >= min(span.end, list[0]) {
+        return;
+    }
+    let i = list[item + 1u];
+    let at = i * params.stride + params.point;
+    let y = Vec8(averages[at], averages[at + 1u]);
+    let begin = i * params.stride + params.reference;
+    let reference = Vec8(averages[begin], averages[begin + 1u]);
+
+    let walked = results[i];
+    let none = unprojected(NONE, y, reference, walked.found);
+    let range = texel(vertices, (walked.found / VERTEX) * VERTEX_TEXELS + 6u);
+    var best = none;
+    var root = vec3f();
+    var k = 0u;
+    // Each lane goes on to its next triangle that can hold a root before all look for one together: the look is a hundred
+    // times as long as the test, and few triangles pass it.
+    for (var round = 0u; round < range.w; round++) {
+        var face = NONE;
+        for (; k < range.w && face == NONE; k++) {
+            let entry = texel(near, range.z + k / 4u)[k % 4u];
+            if (entry & NEW_LEVEL) != 0u && best.face != NONE {
+                k = range.w;
+            } else if admits(entry & ~NEW_LEVEL, y) {
+                face = entry & ~NEW_LEVEL;
+            }
+        }
+        if face == NONE {
+            break;
+        }
+        let head = texel(triangles, face * TRIANGLE_TEXELS);
+        let r = project_triangle(phong_system(vertices, triangles, face, head, y), PATIENCE);
+        if r.inside {
+            let c = projected(vertices, face, head, r.x, none, y, BY_SEARCH);
+            if best.face == NONE || c.distance_squared < best.distance_squared
+                || (c.distance_squared == best.distance_squared && face < best.face) {
+                best = c;
+                root = r.x;
+            }
+        }
+    }
+
+    if (walked.found & ASTRAY) != 0u && range.w != 0u {
+        let head = texel(triangles, walked.face * TRIANGLE_TEXELS);
+        let x = vec3f(walked.b0, walked.b1, 1.0 - walked.b0 - walked.b1);
+        let c = projected(vertices, walked.face, head, x, none, y, BY_WALK);
+        if best.face == NONE || c.distance_squared <= best.distance_squared {
+            best = c;
+            root = x;
+        }
+    }
+    if best.face != NONE {
+        let head = texel(triangles, best.face * TRIANGLE_TEXELS);
+        results[i] = projected(vertices, best.face, head, root, none, reference, best.found);
+    }
+}

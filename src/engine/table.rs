@@ -1,0 +1,89 @@
+//! Tables that kernels look things up in by an index of their own.
+//!
+//! Records of a mesh are read at scattered places. A software device takes such reads from a texture at a fraction of
+//! the cost of a storage buffer, and hardware caches them at least as well, so tables are textures of four unsigned
+//! words a texel: unsigned, because those keep every bit of a floating-point number, also where the format's own would
+//! flush or canonicalise it. `shaders/lib/table.wgsl` has the other half.
+
+use bytemuck::Pod;
+
+use super::buffer::Binding;
+use super::gpu::{Gpu, Share};
+use crate::error::{Error, Result};
+
+/// Texels of a row; what every device has.
+const WIDTH: u32 = 2048;
+
+/// Bytes of a texel.
+const TEXEL: usize = 16;
+
+/// A read-only table of records of whole texels (16 bytes).
+#[derive(Debug)]
+pub struct Table {
+    view: wgpu::TextureView,
+    _share: Share,
+}
+
+impl Table {
+    /// To bind it as [`BindingKind::Table`](super::BindingKind::Table).
+    pub fn bind(&self) -> Binding<'_> {
+        Binding(wgpu::BindingResource::TextureView(&self.view))
+    }
+}
+
+impl Gpu {
+    /// A table holding `records`, one after the other.
+    ///
+    /// # Errors
+    /// [`Error::Capability`] if it is larger than a texture may be, [`Error::Memory`] past the budget,
+    /// [`Error::Device`] if the device refuses or a record is not made of whole texels.
+    pub fn table<T: Pod>(&self, label: &str, records: &[T]) -> Result<Table> {
+        if size_of::<T>() % TEXEL != 0 {
+            return Err(Error::Device {
+                what: format!("table '{label}' has records of {} bytes", size_of::<T>()),
+                remedy: "This is a fault of barymap: please report it".into(),
+            });
+        }
+        let bytes: &[u8] = bytemuck::cast_slice(records);
+        let texels = bytes.len().div_ceil(TEXEL);
+        let height = texels.div_ceil(WIDTH as usize).max(1);
+        if height > self.capabilities.max_texture_side as usize {
+            return Err(Error::Capability {
+                limit: format!("rows in table '{label}'"),
+                required: height as u64,
+                actual: u64::from(self.capabilities.max_texture_side),
+            });
+        }
+        let row = WIDTH as usize * TEXEL;
+        let size = wgpu::Extent3d { width: WIDTH, height: height as u32, depth_or_array_layers: 1 };
+        let share = self.budget.take(label, (row * height) as u64)?;
+        let mut padded;
+        let whole = if bytes.len() == row * height {
+            bytes
+        } else {
+            padded = bytes.to_vec();
+            padded.resize(row * height, 0);
+            &padded
+        };
+        let view = self.scoped(&format!("table '{label}'"), || {
+            let texture = self.device.create_texture(&wgpu::TextureDescriptor {
+                label: Some(label),
+                size,
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format: wgpu::TextureFormat::Rgba32Uint,
+                usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+                view_formats: &[],
+            });
+            let layout = wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(row as u32),
+                rows_per_image: Some(height as u32),
+            };
+            self.queue.write_texture(texture.as_image_copy(), whole, layout, size);
+            texture.create_view(&wgpu::TextureViewDescriptor::default())
+        })?;
+        Ok(Table { view, _share: share })
+    }
+}

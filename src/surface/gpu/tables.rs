@@ -1,0 +1,211 @@
+//! A surface as kernels look it up.
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::engine::{Gpu, Table};
+use crate::error::Result;
+use crate::geometry::NONE;
+use crate::surface::PhongSurface;
+use crate::surface::project::SearchLimits;
+
+/// Seven texels: point, the two rows of the tangent basis, and where its stops and its neighbourhood are.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct VertexRecord {
+    rows: [[f32; 8]; 3],
+    first_stop: u32,
+    stops: u32,
+    /// First texel of its neighbourhood.
+    first_near: u32,
+    /// Triangles in it.
+    near: u32,
+}
+
+/// Seven texels: what rules out projections on a triangle at once.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct BoundRecord {
+    rows: [[f32; 8]; 3],
+    reach: f32,
+    spread: f32,
+    unused: [f32; 2],
+}
+
+/// Five texels: vertices and signs of `G_k`, neighbours, cosine and sine of `G_k`.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct TriangleRecord {
+    vertices: [u32; 3],
+    mirrored: u32,
+    neighbours: [u32; 3],
+    unused: u32,
+    gauge: [[f32; 2]; 6],
+}
+
+/// One texel: a neighbour of a vertex and the triangle between it and the stop before, or [`NONE`].
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+struct Stop {
+    vertex: u32,
+    triangle: u32,
+    unused: [u32; 2],
+}
+
+impl Stop {
+    fn new(vertex: u32, triangle: u32) -> Self {
+        Self { vertex, triangle, unused: [0; 2] }
+    }
+}
+
+/// The tables of a surface on a device.
+#[derive(Debug)]
+pub struct SurfaceTables {
+    /// Points, tangents, stops of vertices.
+    pub vertices: Table,
+    /// Vertices, neighbours, `G_k` of triangles.
+    pub triangles: Table,
+    /// The stops of all vertices.
+    pub stops: Table,
+    /// For each triangle what rules out projections on it.
+    pub bounds: Table,
+    /// The triangles around each vertex, level by level, that a search looks at.
+    pub near: Table,
+    /// Most stops of a vertex, which bounds the loops of kernels.
+    pub most_stops: u32,
+    /// Most triangles of a neighbourhood, which does so too.
+    pub most_near: u32,
+}
+
+/// Longest neighbourhood held; a longer one (around vertices with very many triangles) is left to the reference, as an empty one.
+const MOST_NEAR: usize = 512;
+
+impl SurfaceTables {
+    /// Uploads a surface. O(F).
+    ///
+    /// # Errors
+    /// If it does not fit the device.
+    pub fn new(gpu: &Gpu, label: &str, surface: &PhongSurface<f32, 8>) -> Result<Self> {
+        let mut stops = Vec::new();
+        let mut near: Vec<u32> = Vec::new();
+        let (mut most_stops, mut most_near) = (0, 0);
+        let vertices: Vec<VertexRecord> = surface
+            .vertices
+            .iter()
+            .zip(0..)
+            .map(|(vertex, v)| {
+                let first = stops.len();
+                around(surface, v, &mut stops);
+                let count = (stops.len() - first) as u32;
+                most_stops = most_stops.max(count);
+                let rows = [vertex.y, vertex.t[0], vertex.t[1]];
+                let first_near = near.len();
+                surface.neighbourhood(v, SearchLimits::FIRST.triangles, &mut near);
+                if near.len() - first_near > MOST_NEAR {
+                    near.truncate(first_near);
+                }
+                let triangles = (near.len() - first_near) as u32;
+                most_near = most_near.max(triangles);
+                near.resize(near.len().next_multiple_of(4), 0);
+                let first_near = (first_near / 4) as u32;
+                VertexRecord { rows, first_stop: first as u32, stops: count, first_near, near: triangles }
+            })
+            .collect();
+        let triangles: Vec<TriangleRecord> = surface
+            .triangles
+            .iter()
+            .map(|t| TriangleRecord {
+                vertices: t.v,
+                mirrored: t.gauge.iter().zip(0..).map(|(g, k)| u32::from(g.f < 0.0) << k).sum(),
+                neighbours: t.neighbours,
+                unused: 0,
+                gauge: t.gauge.map(|g| [g.c, g.s]),
+            })
+            .collect();
+        let bounds: Vec<BoundRecord> = surface
+            .bounds
+            .iter()
+            .map(|b| BoundRecord {
+                rows: [b.centre, b.basis[0], b.basis[1]],
+                reach: b.reach,
+                spread: b.spread,
+                unused: [0.0; 2],
+            })
+            .collect();
+        let near: &[[u32; 4]] = bytemuck::cast_slice(&near);
+        Ok(Self {
+            vertices: gpu.table(&format!("{label} vertices"), &vertices)?,
+            triangles: gpu.table(&format!("{label} triangles"), &triangles)?,
+            stops: gpu.table(&format!("{label} stops"), &stops)?,
+            bounds: gpu.table(&format!("{label} bounds"), &bounds)?,
+            near: gpu.table(&format!("{label} neighbourhoods"), near)?,
+            most_stops,
+            most_near,
+        })
+    }
+}
+
+/// Appends the stops around `v`: its fan as chains of triangles, each beginning with a stop that closes no triangle. Every
+/// neighbour occurs, and every triangle of the fan once.
+fn around(surface: &PhongSurface<f32, 8>, v: u32, stops: &mut Vec<Stop>) {
+    // Of each triangle the two other vertices, in its orientation.
+    let mut left: Vec<(u32, u32, u32)> = surface
+        .fan(v)
+        .iter()
+        .filter_map(|&t| {
+            let w = surface.triangles[t as usize].v;
+            let k = w.iter().position(|&x| x == v)?;
+            Some((w[(k + 1) % 3], w[(k + 2) % 3], t))
+        })
+        .collect();
+    while !left.is_empty() {
+        // A chain begins where no other triangle ends, or anywhere on a closed fan.
+        let begin = left.iter().position(|a| !left.iter().any(|b| b.1 == a.0)).unwrap_or(0);
+        let (a, mut end, t) = left.remove(begin);
+        stops.push(Stop::new(a, NONE));
+        stops.push(Stop::new(end, t));
+        while let Some(next) = left.iter().position(|c| c.0 == end) {
+            let (_, b, t) = left.remove(next);
+            stops.push(Stop::new(b, t));
+            end = b;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Mesh, Topology};
+    use crate::models::shapes::{Diagonal, irregular_plane, lobed_sphere};
+
+    #[test]
+    fn stops_hold_every_neighbour_and_every_triangle_once() {
+        // Closed fans, and open ones along a boundary.
+        check(&lobed_sphere(1, 0.3));
+        check(&irregular_plane(5, 4, 3.0, 2.0, Diagonal::Alternating, 0.3, 5));
+    }
+
+    fn check(mesh: &Mesh) {
+        let topology = Topology::new(mesh);
+        let points: Vec<f64> =
+            mesh.positions.iter().flat_map(|p| [p.x, p.y, p.z, 0.0, 0.0, 0.0, 0.0, 0.0]).collect();
+        let surface = PhongSurface::<f64, 8>::new(&topology, &points).unwrap().cast::<f32>();
+        for v in 0..surface.vertices.len() as u32 {
+            let mut stops = Vec::new();
+            around(&surface, v, &mut stops);
+            let mut neighbours: Vec<u32> = stops.iter().map(|s| s.vertex).collect();
+            neighbours.sort_unstable();
+            neighbours.dedup();
+            assert_eq!(neighbours, surface.ring(v));
+            let mut triangles: Vec<u32> = stops.iter().map(|s| s.triangle).filter(|&t| t != NONE).collect();
+            triangles.sort_unstable();
+            assert_eq!(triangles, surface.fan(v));
+            for pair in stops.windows(2).filter(|p| p[1].triangle != NONE) {
+                let mut w = surface.triangles[pair[1].triangle as usize].v;
+                let mut expected = [v, pair[0].vertex, pair[1].vertex];
+                w.sort_unstable();
+                expected.sort_unstable();
+                assert_eq!(w, expected);
+            }
+        }
+    }
+}

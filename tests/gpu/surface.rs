@@ -1,0 +1,231 @@
+//! The kernels of the main job against their references.
+
+use barymap::engine::Engine;
+use barymap::geometry::{Mesh, SurfacePoint, Topology};
+use barymap::models::shapes::{Random, lobed_sphere};
+use barymap::surface::correspondence::{CorrespondenceOptions, Method, Shape, WeightedAverages};
+use barymap::surface::gpu::DeviceMap;
+use barymap::surface::vector::distance_squared;
+use barymap::surface::{AnchorPairs, Embedding, PackedImage, PackedPoint, PointMap, Status};
+
+use crate::{downlevel, engine};
+
+/// A mesh and its embedding: space, and quadratic bumps in the other dimensions.
+fn embedded(amplitude: f64, scale: f64) -> (Mesh, Topology, Embedding) {
+    let mut mesh = lobed_sphere(4, amplitude);
+    for p in &mut mesh.positions {
+        *p *= scale;
+    }
+    let points = mesh
+        .positions
+        .iter()
+        .flat_map(|p| {
+            let p = *p / scale;
+            let bumps = [0.3 * p.x * p.y, 0.3 * p.y * p.z, 0.2 * p.z * p.x, 0.2 * (p.x * p.x - p.y * p.y), 0.1 * p.z * p.z];
+            [p.x, p.y, p.z, bumps[0], bumps[1], bumps[2], bumps[3], bumps[4]].map(|x| x * scale)
+        })
+        .collect();
+    let topology = Topology::new(&mesh);
+    let embedding = Embedding {
+        dimension: 8,
+        points,
+        landmarks: Vec::new(),
+        stress: 0.0,
+        sweeps: 0,
+        seconds: Default::default(),
+        warnings: Vec::new(),
+    };
+    (mesh, topology, embedding)
+}
+
+struct Scene {
+    source: (Mesh, Topology, Embedding),
+    target: (Mesh, Topology, Embedding),
+    anchors: AnchorPairs,
+}
+
+impl Scene {
+    fn new(anchors: usize, scale: f64) -> Self {
+        let source = embedded(0.25, scale);
+        let target = embedded(0.32, 1.0);
+        let count = target.0.triangle_count();
+        let point = |i: usize| {
+            let x = [0.5, 0.3, 0.2];
+            SurfacePoint::new(((i * 2_654_435_761) % count) as u32, if i % 3 == 0 { [1.0, 0.0, 0.0] } else { x })
+        };
+        let points: Vec<SurfacePoint> = (0..anchors).map(point).collect();
+        Self { source, target, anchors: AnchorPairs { source: points.clone(), target: points } }
+    }
+
+    fn shapes(&self) -> (Shape<'_>, Shape<'_>) {
+        fn shape(s: &(Mesh, Topology, Embedding)) -> Shape<'_> {
+            Shape { mesh: &s.0, topology: &s.1, embedding: Some(&s.2) }
+        }
+        (shape(&self.source), shape(&self.target))
+    }
+
+    fn options(method: Method, confidence: bool) -> CorrespondenceOptions {
+        CorrespondenceOptions { method, confidence, ..Default::default() }
+    }
+
+    fn device(&self, engine: &Engine, options: &CorrespondenceOptions) -> DeviceMap {
+        let (source, target) = self.shapes();
+        DeviceMap::new(engine, WeightedAverages::new(source, target, &self.anchors, options).unwrap()).unwrap()
+    }
+
+    /// Random points of the target, its anchors, and its vertices.
+    fn points(&self, n: usize) -> Vec<PackedPoint> {
+        let mut random = Random::new(7);
+        let count = self.target.0.triangle_count() as f64;
+        let mut points: Vec<PackedPoint> = (0..n)
+            .map(|_| {
+                let (a, b) = (random.unit(), random.unit());
+                let (b0, b1) = if a + b > 1.0 { (1.0 - a, 1.0 - b) } else { (a, b) };
+                PackedPoint { face: (random.unit() * count) as u32, b0: b0 as f32, b1: b1 as f32 }
+            })
+            .collect();
+        for (point, anchor) in points.iter_mut().zip(&self.anchors.target) {
+            *point = PackedPoint::from(*anchor);
+        }
+        points
+    }
+}
+
+/// How two maps of the same points differ, in mean edges of the source.
+#[derive(Debug, Default)]
+struct Comparison {
+    distances: Vec<f64>,
+    other_decisions: usize,
+    other_statuses: usize,
+}
+
+/// Compares images with the double-precision truth. Images on different triangles count as one decision if they are the same
+/// place: a root on an edge belongs to both.
+fn compare(truth: &WeightedAverages<f64, 8>, points: &[PackedPoint], images: &[PackedImage]) -> Comparison {
+    assert_eq!(points.len(), images.len());
+    let mut c = Comparison::default();
+    for (point, image) in points.iter().zip(images) {
+        let expected = truth.map_point(*point);
+        let place = |i: &PackedImage| i.point().map(|p| truth.source.embed(&p));
+        match (place(image), place(&expected)) {
+            (Some(a), Some(b)) => {
+                let d = distance_squared(&a, &b).sqrt();
+                if image.face == expected.face || d < 1e-3 { c.distances.push(d) } else { c.other_decisions += 1 }
+            }
+            (None, None) => {}
+            _ => c.other_decisions += 1,
+        }
+        c.other_statuses += usize::from(image.status != expected.status);
+    }
+    c.distances.sort_by(f64::total_cmp);
+    c
+}
+
+fn quantile(sorted: &[f64], q: f64) -> f64 {
+    sorted[((sorted.len() - 1) as f64 * q) as usize]
+}
+
+/// `statuses`: how many single precision itself judges differently, on the CPU.
+fn judge(c: &Comparison, points: usize, statuses: usize) -> Result<(), String> {
+    let ok = c.other_decisions * 1000 <= points
+        && c.other_statuses * 1000 <= points + 1000 * statuses
+        && !c.distances.is_empty()
+        && quantile(&c.distances, 0.5) <= 5e-6
+        && quantile(&c.distances, 0.99) <= 5e-5
+        && quantile(&c.distances, 1.0) <= 1e-3;
+    let summary = format!(
+        "median {:.1e}, 99 % {:.1e}, largest {:.1e} mean edges; {} of {points} decided differently, {} judged differently",
+        quantile(&c.distances, 0.5),
+        quantile(&c.distances, 0.99),
+        quantile(&c.distances, 1.0),
+        c.other_decisions,
+        c.other_statuses
+    );
+    if ok { Ok(eprintln!("{summary}")) } else { Err(summary) }
+}
+
+#[test]
+fn the_kernels_agree_with_double_precision() {
+    for engine in [engine(), downlevel()].into_iter().flatten() {
+        for (method, anchors, scale) in
+            [(Method::Averages, 27, 1e-3), (Method::Averages, 93, 1.0), (Method::Transport, 93, 1e3)]
+        {
+            let scene = Scene::new(anchors, scale);
+            let options = Scene::options(method, true);
+            let device = scene.device(engine, &options);
+            let (source, target) = scene.shapes();
+            let truth = WeightedAverages::<f64, 8>::new(source, target, &scene.anchors, &options).unwrap();
+            let points = scene.points(4000);
+            let mut images = Vec::new();
+            device.map(&points, &mut images).unwrap();
+            let c = compare(&truth, &points, &images);
+            let mut single = Vec::new();
+            device.reference().map(&points, &mut single).unwrap();
+            let statuses = compare(&truth, &points, &single).other_statuses;
+            judge(&c, points.len(), statuses).unwrap();
+            eprintln!("left to the reference: {}", device.left_to_reference());
+            assert!(device.left_to_reference() * 20 <= points.len() as u64, "the kernels do the work");
+
+            // The comparator must see one image in a hundred moved by a hundredth of an edge, and statuses changed.
+            let mut moved = images.clone();
+            for image in moved.iter_mut().step_by(50) {
+                image.b0 += 0.01 * if image.b0 > 0.5 { -1.0 } else { 1.0 };
+            }
+            assert!(judge(&compare(&truth, &points, &moved), points.len(), statuses).is_err());
+            for image in images.iter_mut().step_by(100) {
+                image.status = Status::Failed as u32;
+            }
+            assert!(judge(&compare(&truth, &points, &images), points.len(), statuses).is_err());
+        }
+    }
+}
+
+#[test]
+fn anchors_go_to_their_partners() {
+    let Some(engine) = engine() else { return };
+    let scene = Scene::new(60, 1.0);
+    for method in [Method::Averages, Method::Transport] {
+        let device = scene.device(engine, &Scene::options(method, false));
+        let points: Vec<PackedPoint> = scene.anchors.target.iter().map(|p| PackedPoint::from(*p)).collect();
+        let mut images = Vec::new();
+        device.map(&points, &mut images).unwrap();
+        let surface = &device.reference().source;
+        for (image, anchor) in images.iter().zip(&scene.anchors.source) {
+            let d = distance_squared(&surface.embed(&image.point().unwrap()), &surface.embed(anchor)).sqrt();
+            assert!(d <= 2e-5, "{image:?} {anchor:?}: {d}");
+        }
+    }
+}
+
+#[test]
+fn awkward_counts_and_several_tiles_give_the_same_bytes() {
+    for engine in [engine(), downlevel()].into_iter().flatten() {
+        let scene = Scene::new(27, 1.0);
+        let device = scene.device(engine, &Scene::options(Method::Averages, true));
+        // More than the first tile of 4096 and the ones after it.
+        let points = scene.points(20_001);
+        let mut whole = Vec::new();
+        device.map(&points, &mut whole).unwrap();
+        for n in [0usize, 1, 2, 63, 64, 65, 127, 128, 129, 4097] {
+            let mut part = Vec::new();
+            device.map(&points[..n], &mut part).unwrap();
+            assert!(part == whole[..n], "{n} points");
+        }
+    }
+}
+
+#[test]
+fn points_off_the_target_are_an_error() {
+    let Some(engine) = engine() else { return };
+    let scene = Scene::new(10, 1.0);
+    let device = scene.device(engine, &Scene::options(Method::Averages, false));
+    let mut images = Vec::new();
+    assert!(device.map(&[PackedPoint { face: 1 << 30, b0: 0.0, b1: 0.0 }], &mut images).is_err());
+    assert!(DeviceMap::obstacle(engine, 8, 257).is_some_and(|why| why.contains("256")));
+    assert!(DeviceMap::obstacle(engine, 12, 20).is_some_and(|why| why.contains("12")));
+    assert!(DeviceMap::obstacle(&Engine::cpu(), 8, 20).is_some());
+    let (source, target) = scene.shapes();
+    let options = Scene::options(Method::Averages, false);
+    let map = WeightedAverages::<f32, 8>::new(source, target, &scene.anchors, &options).unwrap();
+    assert!(DeviceMap::new(&Engine::cpu(), map).is_err());
+}
