@@ -52,7 +52,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     });
     let [left, right] = pictures;
     side_by_side(&[left?, right?], 20, [255; 4])?.save(&output)?;
-    println!("{output}: weights of anchors {top} and {front}: red is one, white zero, blue negative, lines every tenth");
+    println!(
+        "{output}: weights of anchors {top} and {front}: red is one, white zero, blue negative, lines every tenth"
+    );
     Ok(())
 }
 

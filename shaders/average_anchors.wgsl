@@ -15,7 +15,8 @@ struct AverageParams {
     transported: u32,
     // Squared length that keeps the sums in range; correspondence::AVERAGE_SCALE.
     scale: f32,
-    unused: u32,
+    // Whether `corrections` are added.
+    corrected: u32,
     // Rows of Q, each in two halves.
     transport: array<vec4f, 16>,
 }
@@ -29,6 +30,9 @@ struct AverageParams {
 @group(0) @binding(4) var<storage, read_write> averages: array<vec4f>;
 @group(0) @binding(5) var vertices: texture_2d<u32>;
 @group(0) @binding(6) var triangles: texture_2d<u32>;
+// Of each vertex of the target what is added to averages near it, and the length it belongs to;
+// correspondence::Correction.
+@group(0) @binding(7) var corrections: texture_2d<u32>;
 
 // Smallest D of an anchor that is not eliminated, in units of the scale; average::fused::FLOOR.
 const FLOOR: f32 = 1e-12;
@@ -39,8 +43,9 @@ const RANK_LIMIT: f32 = 3.814697265625e-6;
 // Texels an invocation works on: they share the reads of the anchors.
 const ITEMS: u32 = 2u;
 const OUT: u32 = 6u;
-// Whether the target's own anchors are averaged too.
-override ROUND_TRIP: bool = true;
+// Whether the target's own anchors are averaged too, for corrections and for the round trip.
+override OWN: bool = true;
+const CORRECTION_TEXELS: u32 = 3u;
 
 struct Sums {
     k: u32,
@@ -98,7 +103,7 @@ fn push(s: ptr<function, Sums>, f: Frame, j: u32, a: Vec8, b: Vec8) {
     (*s).z0 = add8((*s).z0, q, b);
     (*s).zx = add8((*s).zx, qp.x, b);
     (*s).zy = add8((*s).zy, qp.y, b);
-    if ROUND_TRIP {
+    if OWN {
         (*s).o0 = add8((*s).o0, q, a);
         (*s).ox = add8((*s).ox, qp.x, a);
         (*s).oy = add8((*s).oy, qp.y, a);
@@ -139,27 +144,64 @@ fn transported(y: Vec8) -> Vec8 {
     return r;
 }
 
+struct Correction {
+    d: Vec8,
+    residual: f32,
+}
+
+fn correction(x: vec3f, face: u32) -> Correction {
+    let v = texel(triangles, face * TRIANGLE_TEXELS).xyz * CORRECTION_TEXELS;
+    let a = Vec8(texel_f32(corrections, v.x), texel_f32(corrections, v.x + 1u));
+    let b = Vec8(texel_f32(corrections, v.y), texel_f32(corrections, v.y + 1u));
+    let c = Vec8(texel_f32(corrections, v.z), texel_f32(corrections, v.z + 1u));
+    let r = vec3f(
+        texel_f32(corrections, v.x + 2u).x,
+        texel_f32(corrections, v.y + 2u).x,
+        texel_f32(corrections, v.z + 2u).x,
+    );
+    return Correction(combine8(x, a, b, c), x.x * r.x + x.y * r.y + x.z * r.z);
+}
+
 fn finish(i: u32, f: Frame, s: Sums) {
     let m = multipliers(s);
     let rest = 1.0 - (m.x * s.s1.x + m.y * s.s1.y + m.z * s.s0);
     let b = image(s.k);
-    let a = own(s.k);
     let q = transported(f.y);
     let o = i * OUT;
-    averages[o] = q.lo + (rest * b.lo + (m.x * s.zx.lo + m.y * s.zy.lo + m.z * s.z0.lo));
-    averages[o + 1u] = q.hi + (rest * b.hi + (m.x * s.zx.hi + m.y * s.zy.hi + m.z * s.z0.hi));
-    if ROUND_TRIP {
-        averages[o + 2u] = rest * a.lo + (m.x * s.ox.lo + m.y * s.oy.lo + m.z * s.o0.lo);
-        averages[o + 3u] = rest * a.hi + (m.x * s.ox.hi + m.y * s.oy.hi + m.z * s.o0.hi);
+    var mean = Vec8(
+        q.lo + (rest * b.lo + (m.x * s.zx.lo + m.y * s.zy.lo + m.z * s.z0.lo)),
+        q.hi + (rest * b.hi + (m.x * s.zx.hi + m.y * s.zy.hi + m.z * s.z0.hi)),
+    );
+    if OWN {
+        let a = own(s.k);
+        let average = Vec8(
+            rest * a.lo + (m.x * s.ox.lo + m.y * s.oy.lo + m.z * s.o0.lo),
+            rest * a.hi + (m.x * s.ox.hi + m.y * s.oy.hi + m.z * s.o0.hi),
+        );
+        averages[o + 2u] = average.lo;
+        averages[o + 3u] = average.hi;
         averages[o + 4u] = f.y.lo;
         averages[o + 5u] = f.y.hi;
+        if params.corrected != 0u {
+            let r = sub8(f.y, average);
+            let c = correction(coordinates(i), points[3u * i]);
+            if c.residual > 0.0 {
+                mean = add8(mean, min(sqrt(dot8(r, r)) / c.residual, 1.0), c.d);
+            }
+        }
     }
+    averages[o] = mean.lo;
+    averages[o + 1u] = mean.hi;
+}
+
+fn coordinates(i: u32) -> vec3f {
+    let x = bitcast<f32>(points[3u * i + 1u]);
+    let y = bitcast<f32>(points[3u * i + 2u]);
+    return vec3f(x, y, 1.0 - x - y);
 }
 
 fn point_frame(i: u32) -> Frame {
-    let x = bitcast<f32>(points[3u * i + 1u]);
-    let y = bitcast<f32>(points[3u * i + 2u]);
-    return frame(vertices, triangles, points[3u * i], vec3f(x, y, 1.0 - x - y));
+    return frame(vertices, triangles, points[3u * i], coordinates(i));
 }
 
 @compute @workgroup_size(GROUP)

@@ -1,6 +1,7 @@
-// Phong projection of points of R^8 by local search: nearest of three start vertices, walk over vertices, walk over
-// triangles (paper, section 3.3). Reference and explanation: surface::project. What finds no root is left to the
-// kernel search_phong with the vertex the walk ended at.
+// Phong projection of points of R^8 by local search (paper, section 3.3): a walk over triangles from where the centroid of the
+// target's triangle went; where that fails, from the nearest of three start vertices a walk over vertices, then one over
+// triangles. Reference and explanation: surface::project and WeightedAverages::forward. What finds no root is left to the
+// kernel search_phong.
 
 //#import lib/span
 //#import lib/projection
@@ -14,7 +15,7 @@
 @group(0) @binding(6) var triangles: texture_2d<u32>;
 // Around each vertex: a neighbour and the triangle between it and the one before (NONE for the first).
 @group(0) @binding(7) var stops: texture_2d<u32>;
-// Of each triangle of the target three vertices to start from.
+// Of each triangle of the target three vertices and a triangle to start from.
 @group(0) @binding(8) var starts: texture_2d<u32>;
 
 // project::WALK_PATIENCE.
@@ -25,43 +26,24 @@ fn distance_squared(v: u32, y: Vec8) -> f32 {
     return dot8(d, d);
 }
 
-@compute @workgroup_size(GROUP)
-fn main(@builtin(global_invocation_id) id: vec3u) {
-    let i = span.first + invocation(span, id);
-    if i >= span.end {
-        return;
-    }
-    let at = i * params.stride + params.point;
-    let y = Vec8(averages[at], averages[at + 1u]);
-    let begin = i * params.stride + params.reference;
-    let reference = Vec8(averages[begin], averages[begin + 1u]);
+// Where a walk over vertices ended: a vertex, its squared distance, and the triangle around it that faces the point; NONE
+// where the walk did not come to its end.
+struct Walked {
+    v: u32,
+    least: f32,
+    face: u32,
+}
 
-    let start = texel(starts, points[3u * i] * params.start_stride).xyz;
-    var v = NONE;
-    var least = 1e30;
-    for (var k = 0u; k < 3u; k++) {
-        if start[k] != NONE {
-            let e = distance_squared(start[k], y);
-            if e < least {
-                least = e;
-                v = start[k];
-            }
-        }
-    }
-    if v == NONE {
-        results[i] = unprojected(NONE, y, reference, NOTHING);
-        return;
-    }
-
-    // One round over the stops finds the nearest neighbour and, with the sum of two stops in a row, the triangle facing y.
-    var face = NONE;
-    var settled = false;
+fn walk_vertices(y: Vec8, start: u32, distance: f32) -> Walked {
+    var v = start;
+    var least = distance;
+    // One round over the stops finds the nearest neighbour and, with the sum of two stops in a row, the facing triangle.
     for (var step = 0u; step < params.vertex_steps; step++) {
         let range = texel(vertices, v * VERTEX_TEXELS + 6u);
         var next = v;
         var before = 0.0;
         var facing = 1e30;
-        face = NONE;
+        var face = NONE;
         for (var k = 0u; k < range.y; k++) {
             let stop = texel(stops, range.x + k);
             let e = distance_squared(stop.x, y);
@@ -77,23 +59,60 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             before = e;
         }
         if next == v {
-            settled = true;
-            break;
+            return Walked(v, least, face);
         }
         v = next;
     }
+    return Walked(v, least, NONE);
+}
 
-    var result = unprojected(NONE, y, reference, LEFT + VERTEX * v);
-    if settled && face != NONE {
+@compute @workgroup_size(GROUP)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    let i = span.first + invocation(span, id);
+    if i >= span.end {
+        return;
+    }
+    let at = i * params.stride + params.point;
+    let y = Vec8(averages[at], averages[at + 1u]);
+    let begin = i * params.stride + params.reference;
+    let reference = Vec8(averages[begin], averages[begin + 1u]);
+
+    let start = texel(starts, points[3u * i]);
+    var v = NONE;
+    var least = 1e30;
+    for (var k = 0u; k < 3u; k++) {
+        if start[k] != NONE {
+            let e = distance_squared(start[k], y);
+            if e < least {
+                least = e;
+                v = start[k];
+            }
+        }
+    }
+
+    var result = unprojected(NONE, y, reference, NOTHING);
+    var face = start.w;
+    for (var attempt = 0u; attempt < 2u; attempt++) {
+        if attempt == 1u {
+            if v == NONE {
+                break;
+            }
+            let walked = walk_vertices(y, v, least);
+            face = walked.face;
+            least = walked.least;
+            result.found = LEFT + VERTEX * walked.v;
+        }
         var previous = NONE;
-        for (var step = 0u; step < params.triangle_steps; step++) {
+        for (var step = 0u; step < params.triangle_steps && face != NONE; step++) {
             let head = texel(triangles, face * TRIANGLE_TEXELS);
             let root = project_triangle(phong_system(vertices, triangles, face, head, y), PATIENCE);
             if root.inside {
                 // A projection farther away than a vertex cannot be the closest one: the walk went astray.
                 let astray = projected(vertices, face, head, root.x, result, y, BY_WALK).distance_squared > least;
-                let found = select(BY_WALK, LEFT + ASTRAY + VERTEX * v, astray);
-                result = projected(vertices, face, head, root.x, result, reference, found);
+                if !astray || attempt == 1u {
+                    let found = select(BY_WALK, result.found + ASTRAY, astray);
+                    result = projected(vertices, face, head, root.x, result, reference, found);
+                }
                 break;
             }
             let across = texel(triangles, face * TRIANGLE_TEXELS + 1u);
@@ -106,11 +125,14 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             if root.x.z < lowest {
                 next = across.z;
             }
-            if next == NONE || next == previous {
+            if next == previous {
                 break;
             }
             previous = face;
             face = next;
+        }
+        if result.found == BY_WALK {
+            break;
         }
     }
     results[i] = result;

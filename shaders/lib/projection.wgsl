@@ -8,13 +8,12 @@ struct ProjectParams {
     stride: u32,
     point: u32,
     reference: u32,
-    // Texels of `starts` per triangle of the target.
-    start_stride: u32,
     // Bounds of the walks; project::SearchLimits::FIRST, less where vertices have very many neighbours.
     vertex_steps: u32,
     triangle_steps: u32,
     unused0: u32,
     unused1: u32,
+    unused2: u32,
 }
 
 // Twin: surface::gpu::project_phong::Projected.

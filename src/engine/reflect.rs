@@ -2,7 +2,9 @@
 //! a fault shows before a user's first dispatch.
 
 use naga::valid::{Capabilities, GlobalUse, ModuleInfo, ValidationFlags, Validator};
-use naga::{AddressSpace, Expression, Handle, ImageClass, MathFunction, Module, ScalarKind, StorageAccess, Type, TypeInner};
+use naga::{
+    AddressSpace, Expression, Handle, ImageClass, MathFunction, Module, ScalarKind, StorageAccess, Type, TypeInner,
+};
 
 use super::kernel::{BindingKind, Kernel, Layout, SPAN_LAYOUT};
 
@@ -118,10 +120,12 @@ fn binding_faults(kernel: &Kernel, module: &Module, info: &ModuleInfo, found: &m
             (AddressSpace::Uniform, _) => Some(BindingKind::Uniform(u64::from(size))),
             (AddressSpace::Storage { access }, _) if access == StorageAccess::LOAD => Some(BindingKind::Read),
             (AddressSpace::Storage { .. }, _) if usage.contains(GlobalUse::WRITE) => Some(BindingKind::Write),
-            (AddressSpace::Handle, TypeInner::Image { class: ImageClass::Sampled { kind, .. }, .. }) => Some(match kind {
-                ScalarKind::Uint => BindingKind::Table,
-                _ => BindingKind::Texture,
-            }),
+            (AddressSpace::Handle, TypeInner::Image { class: ImageClass::Sampled { kind, .. }, .. }) => {
+                Some(match kind {
+                    ScalarKind::Uint => BindingKind::Table,
+                    _ => BindingKind::Texture,
+                })
+            }
             (AddressSpace::Handle, TypeInner::Sampler { comparison: false }) => Some(BindingKind::Sampler),
             _ => None,
         };

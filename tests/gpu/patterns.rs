@@ -197,7 +197,8 @@ fn bindings_that_do_not_fit_the_kernel_are_errors() {
     }
 }
 
-static BROKEN: Kernel = Kernel { name: "test_broken", source: "fn main( {", bindings: &[], layouts: &[], items: 1, constants: &[] };
+static BROKEN: Kernel =
+    Kernel { name: "test_broken", source: "fn main( {", bindings: &[], layouts: &[], items: 1, constants: &[] };
 
 #[test]
 fn a_kernel_the_device_refuses_is_an_error() {

@@ -21,7 +21,8 @@ fn embedded(amplitude: f64, scale: f64) -> (Mesh, Topology, Embedding) {
         .iter()
         .flat_map(|p| {
             let p = *p / scale;
-            let bumps = [0.3 * p.x * p.y, 0.3 * p.y * p.z, 0.2 * p.z * p.x, 0.2 * (p.x * p.x - p.y * p.y), 0.1 * p.z * p.z];
+            let bumps =
+                [0.3 * p.x * p.y, 0.3 * p.y * p.z, 0.2 * p.z * p.x, 0.2 * (p.x * p.x - p.y * p.y), 0.1 * p.z * p.z];
             [p.x, p.y, p.z, bumps[0], bumps[1], bumps[2], bumps[3], bumps[4]].map(|x| x * scale)
         })
         .collect();

@@ -258,7 +258,7 @@ pub(crate) struct EmbeddingArguments {
     #[arg(long, default_value_t = EmbeddingOptions::default().landmarks)]
     pub(crate) landmarks: usize,
     /// How landmarks are chosen
-    #[arg(long, value_enum, default_value = "farthest")]
+    #[arg(long, value_enum, default_value = "decimation")]
     pub(crate) sampling: SamplingName,
     /// Dimension of the embedding: 4, 8, 12 or 16
     #[arg(long, default_value_t = 8)]

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use barymap::geometry::SurfacePoint;
 use barymap::models::character_pair;
 use barymap::raster::{Image, Pixels};
-use barymap::surface::AnchorPairs;
 use barymap::surface::quality::summarise;
+use barymap::surface::{AnchorPairs, EmbeddingOptions};
 use barymap::tools::render::{Coloring, RenderOptions, render, side_by_side};
 use barymap::tools::vertex_map::vertex_map;
 use barymap::{Error, Result};
@@ -51,7 +51,11 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         layers: &[Textures::single(from_rgba(&texture)?)],
         anchors: &anchors,
         method: arguments.method,
-        embedding: &EmbeddingArguments { landmarks: 1000, sampling: SamplingName::Farthest, dimension: 8 },
+        embedding: &EmbeddingArguments {
+            landmarks: EmbeddingOptions::default().landmarks,
+            sampling: SamplingName::Decimation,
+            dimension: 8,
+        },
         look: &Look {
             size: (arguments.size, arguments.size),
             margin: 16,

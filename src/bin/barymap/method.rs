@@ -2,7 +2,8 @@
 
 use barymap::Result;
 use barymap::engine::Backend;
-use barymap::surface::correspondence::{CorrespondenceOptions, Method, Precision, correspondence};
+use barymap::surface::correspondence::{CorrespondenceOptions, Method, Precision, WeightedAverages, correspondence};
+use barymap::surface::gpu::DeviceMap;
 use barymap::surface::{AnchorPairs, PointMap};
 use clap::ValueEnum;
 
@@ -45,6 +46,19 @@ pub(crate) fn prepare(
         let options = embedding.options();
         session.embed(source, &options)?;
         session.embed(target, &options)?;
+    }
+    if method.needs_embedding() && session.engine.backend() == Backend::Gpu {
+        let dimension = embedding.options().dimension;
+        match DeviceMap::obstacle(&session.engine, dimension, anchors.len()) {
+            Some(why) => session.warn(&format!("{why}: the correspondence is computed on the CPU")),
+            None => {
+                let options = CorrespondenceOptions { method, ..CorrespondenceOptions::default() };
+                let map = WeightedAverages::<f32, 8>::new(source.shape(), target.shape(), anchors, &options)?;
+                let map = DeviceMap::new(&session.engine, map)?;
+                session.watch.lap("correspondence");
+                return Ok(Box::new(map));
+            }
+        }
     }
     let precision = if session.engine.backend() == Backend::Reference { Precision::Double } else { Precision::Single };
     let options = CorrespondenceOptions { method, precision, ..CorrespondenceOptions::default() };

@@ -59,7 +59,7 @@ pub struct EmbeddingOptions {
 impl Default for EmbeddingOptions {
     fn default() -> Self {
         Self {
-            landmarks: 1000,
+            landmarks: 2000,
             sampling: Sampling::default(),
             dimension: 8,
             sweeps: 300,

@@ -17,17 +17,17 @@ pub struct AverageParams {
     anchors: u32,
     transported: u32,
     scale: f32,
-    unused: u32,
+    corrected: u32,
     transport: [[f32; 8]; 8],
 }
 
-const LAYOUTS: &[Layout] = &[layout!(AverageParams, { anchors, transported, scale, unused, transport })];
+const LAYOUTS: &[Layout] = &[layout!(AverageParams, { anchors, transported, scale, corrected, transport })];
 
-/// Both averages: on the source, and of the target's own anchors for the round trip.
-pub(super) static AVERAGE_ANCHORS: Kernel = variant(&[("ROUND_TRIP", 1.0)]);
+/// Both averages: on the source, and of the target's own anchors for corrections and the round trip.
+pub(super) static AVERAGE_ANCHORS: Kernel = variant(&[("OWN", 1.0)]);
 
 /// The average on the source alone.
-pub(super) static AVERAGE_ANCHORS_ONCE: Kernel = variant(&[("ROUND_TRIP", 0.0)]);
+pub(super) static AVERAGE_ANCHORS_ONCE: Kernel = variant(&[("OWN", 0.0)]);
 
 const fn variant(constants: &'static [(&'static str, f64)]) -> Kernel {
     Kernel {
@@ -38,6 +38,7 @@ const fn variant(constants: &'static [(&'static str, f64)]) -> Kernel {
             BindingKind::Uniform(UNIFORM_BLOCK),
             BindingKind::Read,
             BindingKind::Write,
+            BindingKind::Table,
             BindingKind::Table,
             BindingKind::Table,
         ],
@@ -54,7 +55,7 @@ impl AverageParams {
             anchors: map.table.len() as u32,
             transported: u32::from(map.transport.is_some()),
             scale: AVERAGE_SCALE as f32,
-            unused: 0,
+            corrected: u32::from(!map.corrections.is_empty()),
             transport: map.transport.unwrap_or_default(),
         }
     }
@@ -63,4 +64,18 @@ impl AverageParams {
 /// The anchors as the kernel reads them: point and what is averaged, in turn.
 pub(super) fn anchor_block(map: &WeightedAverages<f32, 8>) -> Vec<[f32; 8]> {
     map.table.own.iter().zip(&map.table.image).flat_map(|(a, b)| [*a, *b]).collect()
+}
+
+/// What a vertex adds to the averages near it; three texels.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+pub(super) struct CorrectionRecord {
+    d: [f32; 8],
+    residual: f32,
+    unused: [f32; 3],
+}
+
+/// The corrections of all vertices of the target.
+pub(super) fn correction_records(map: &WeightedAverages<f32, 8>) -> Vec<CorrectionRecord> {
+    map.corrections.iter().map(|c| CorrectionRecord { d: c.d, residual: c.residual, unused: [0.0; 3] }).collect()
 }

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use super::average_anchors::{AVERAGE_ANCHORS, AVERAGE_ANCHORS_ONCE, AverageParams, MOST_ANCHORS, VECTORS, anchor_block};
+use super::average_anchors::{AVERAGE_ANCHORS, AVERAGE_ANCHORS_ONCE, AverageParams, MOST_ANCHORS, VECTORS, anchor_block, correction_records};
 use super::project_phong::{PROJECT_PHONG, ProjectParams, Projected, SEARCH_PHONG};
 use super::tables::SurfaceTables;
 use crate::engine::{
@@ -36,11 +36,21 @@ pub struct DeviceMap {
     map: WeightedAverages<f32, 8>,
     tile: Mutex<Tile>,
     left: AtomicU64,
-    // Held because the bind groups refer to them.
-    _target: SurfaceTables,
-    _source: SurfaceTables,
-    _starts: Table,
-    _anchors: UniformBlocks<[f32; 8]>,
+    // Counted against the memory budget as long as bind groups refer to them.
+    _tables: Tables,
+}
+
+/// What stays the same for all points.
+#[derive(Debug)]
+struct Tables {
+    target: SurfaceTables,
+    source: SurfaceTables,
+    /// Of each triangle of the target three vertices and a triangle of the source.
+    starts: Table,
+    /// Of each triangle of the target three vertices of the target.
+    own_starts: Table,
+    corrections: Table,
+    anchors: UniformBlocks<[f32; 8]>,
 }
 
 /// Buffers and bindings for one tile of points.
@@ -92,24 +102,33 @@ impl DeviceMap {
         let Some(gpu) = engine.gpu() else { return Err(refuse("there is no device".into())) };
         let target = SurfaceTables::new(gpu, "target", &map.target)?;
         let source = SurfaceTables::new(gpu, "source", &map.source)?;
-        let starts: Vec<[u32; 4]> = (0..map.target.triangles.len() as u32)
+        let faces = 0..map.target.triangles.len() as u32;
+        let starts: Vec<[u32; 4]> = faces
+            .clone()
             .map(|t| {
                 let [a, b, c] = map.starts_of(t);
-                [a, b, c, NONE]
+                [a, b, c, map.start_faces[t as usize]]
             })
             .collect();
         let starts = gpu.table("starts", &starts)?;
+        let own_starts: Vec<[u32; 4]> = faces
+            .filter(|_| !map.own_starts.is_empty())
+            .map(|t| {
+                let [a, b, c] = map.target.triangles[t as usize].v.map(|v| map.own_starts[v as usize]);
+                [a, b, c, NONE]
+            })
+            .collect();
+        let own_starts = gpu.table("own starts", &own_starts)?;
+        let corrections = gpu.table("corrections", &correction_records(&map))?;
         let anchors = gpu.uniform_blocks("anchors", &anchor_block(&map))?;
-        let tile = Tile::new(gpu, &map, &target, &source, &starts, &anchors)?;
+        let tables = Tables { target, source, starts, own_starts, corrections, anchors };
+        let tile = Tile::new(gpu, &map, &tables)?;
         Ok(Self {
             engine: engine.clone(),
             map,
             tile: Mutex::new(tile),
             left: AtomicU64::new(0),
-            _target: target,
-            _source: source,
-            _starts: starts,
-            _anchors: anchors,
+            _tables: tables,
         })
     }
 
@@ -131,17 +150,18 @@ impl DeviceMap {
             _ => None,
         };
         let f = found(image)?;
-        let (confidence, status) = match back {
-            None => Trust::unchecked(f),
+        let round_trip = match back {
+            None => None,
             Some(b) => {
                 found(b)?;
-                self.map.trust.judge(&Evidence {
-                    round_trip: f64::from(b.distance_squared).sqrt(),
-                    own_residual: f64::from(b.offset_squared).sqrt(),
-                    residual: f64::from(image.distance_squared).sqrt(),
-                    found: f,
-                })
+                Some(f64::from(b.distance_squared).sqrt())
             }
+        };
+        let (confidence, status) = if self.map.gathers_evidence() {
+            let residual = f64::from(image.distance_squared).sqrt() * self.map.unit;
+            self.map.trust.judge(&Evidence { residual, round_trip, found: f })
+        } else {
+            Trust::unchecked(f)
         };
         Some(PackedImage {
             face: image.face,
@@ -214,14 +234,8 @@ impl PointMap for DeviceMap {
 }
 
 impl Tile {
-    fn new(
-        gpu: &Gpu,
-        map: &WeightedAverages<f32, 8>,
-        target: &SurfaceTables,
-        source: &SurfaceTables,
-        starts: &Table,
-        anchors: &UniformBlocks<[f32; 8]>,
-    ) -> Result<Self> {
+    fn new(gpu: &Gpu, map: &WeightedAverages<f32, 8>, tables: &Tables) -> Result<Self> {
+        let Tables { target, source, starts, own_starts, corrections, anchors } = tables;
         // Points, averages, two results with their staging copies, two lists.
         let bytes = size_of::<PackedPoint>() + VECTORS * 32 + 2 * (3 * size_of::<Projected>() + 4);
         let free = gpu.memory_allowed().saturating_sub(gpu.memory_held()) / bytes as u64;
@@ -229,7 +243,9 @@ impl Tile {
         let points = gpu.buffer::<PackedPoint>("points", capacity)?;
         let averages = gpu.buffer::<[f32; 8]>("averages", capacity * VECTORS)?;
         let params = gpu.uniform("average parameters", &AverageParams::new(map))?;
-        let pipeline = gpu.pipeline(if map.gathers_evidence() { &AVERAGE_ANCHORS } else { &AVERAGE_ANCHORS_ONCE })?;
+        let round_trip = !map.own_starts.is_empty();
+        let own = round_trip || !map.corrections.is_empty();
+        let pipeline = gpu.pipeline(if own { &AVERAGE_ANCHORS } else { &AVERAGE_ANCHORS_ONCE })?;
         let bindings = [
             params.bind(0),
             anchors.bind(0),
@@ -237,13 +253,14 @@ impl Tile {
             averages.bind(),
             target.vertices.bind(),
             target.triangles.bind(),
+            corrections.bind(),
         ];
         let group = gpu.bind(&pipeline, &bindings)?;
         let forward = ProjectParams::forward(gpu.capabilities(), source)?;
         let forward = Projection::new(gpu, capacity, forward, &averages, &points, source, starts)?;
-        let back = if map.gathers_evidence() {
+        let back = if round_trip {
             let back = ProjectParams::back(gpu.capabilities(), target)?;
-            Some(Projection::new(gpu, capacity, back, &averages, &points, target, &target.triangles)?)
+            Some(Projection::new(gpu, capacity, back, &averages, &points, target, own_starts)?)
         } else {
             None
         };

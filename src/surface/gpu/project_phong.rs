@@ -17,11 +17,11 @@ pub struct ProjectParams {
     stride: u32,
     point: u32,
     reference: u32,
-    start_stride: u32,
     vertex_steps: u32,
     triangle_steps: u32,
     unused0: u32,
     unused1: u32,
+    unused2: u32,
 }
 
 /// What is known of the projection of a point; twin of the struct in `shaders/lib/projection.wgsl`.
@@ -53,7 +53,7 @@ impl Projected {
 
 const LAYOUTS: &[Layout] = &[
     layout!(ProjectParams, {
-        stride, point, reference, start_stride, vertex_steps, triangle_steps, unused0, unused1
+        stride, point, reference, vertex_steps, triangle_steps, unused0, unused1, unused2
     }),
     layout!(Projected, { face, b0, b1, distance_squared, offset_squared, found }),
 ];
@@ -96,20 +96,20 @@ pub(super) static SEARCH_PHONG: Kernel = Kernel {
 };
 
 impl ProjectParams {
-    /// The forward problem: the average onto the source, from one texel of start vertices per triangle of the target.
+    /// The forward problem: the average onto the source, measured from the average.
     pub(super) fn forward(capabilities: &Capabilities, source: &SurfaceTables) -> Result<Self> {
-        Self::new(capabilities, source, 0, 0, 1)
+        Self::new(capabilities, source, 0, 0)
     }
 
-    /// The round trip: the average of the target's own anchors back onto the target, from the triangle's own vertices, measured
-    /// from the point itself.
+    /// The round trip: the average of the target's own anchors back onto the target, measured from the point itself.
     pub(super) fn back(capabilities: &Capabilities, target: &SurfaceTables) -> Result<Self> {
-        Self::new(capabilities, target, 1, 2, 5)
+        Self::new(capabilities, target, 1, 2)
     }
 
-    fn new(c: &Capabilities, surface: &SurfaceTables, point: u32, reference: u32, start_stride: u32) -> Result<Self> {
+    fn new(c: &Capabilities, surface: &SurfaceTables, point: u32, reference: u32) -> Result<Self> {
         let limits = SearchLimits::FIRST;
-        let newton = u64::from(limits.triangle_steps) * (NEWTON_STEPS as u64 + 1) + 3;
+        // Two walks over triangles, and the choice among three start vertices.
+        let newton = 2 * u64::from(limits.triangle_steps) * (NEWTON_STEPS as u64 + 1) + 5;
         // Half the budget for the walk over vertices; what it does not bring to an end goes through the reference.
         let most = u64::from(surface.most_stops) + 1;
         let vertex_steps = (u64::from(c.loop_budget) / 2 / most).min(u64::from(limits.vertex_steps));
@@ -119,11 +119,11 @@ impl ProjectParams {
             stride: 2 * VECTORS as u32,
             point: 2 * point,
             reference: 2 * reference,
-            start_stride,
             vertex_steps: vertex_steps as u32,
             triangle_steps: limits.triangle_steps,
             unused0: 0,
             unused1: 0,
+            unused2: 0,
         })
     }
 }
