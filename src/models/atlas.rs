@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use glam::DVec2;
+use glam::{DVec2, IVec3};
 
 use super::cage::{Cage, Facing, Part};
 
@@ -110,23 +110,11 @@ fn front_seed(cage: &Cage, groups: &[(Part, u8)], charts: &[u32], first: usize) 
         (first..cage.quads.len()).filter(|&q| groups[q] == groups[first] && charts[q] == u32::MAX).collect();
     let front: Vec<usize> = members.iter().copied().filter(|&q| cage.facings[q] == (2, true)).collect();
     let candidates = if front.is_empty() { &members } else { &front };
-    let centre = |q: usize| -> [i32; 3] {
-        let mut sum = [0; 3];
-        for v in cage.quads[q] {
-            for k in 0..3 {
-                sum[k] += cage.vertices[v as usize][k];
-            }
-        }
-        sum
-    };
-    let mut mean = [0; 3];
-    for &q in candidates {
-        for k in 0..3 {
-            mean[k] += centre(q)[k];
-        }
-    }
+    // Four times the centre of a quad in the lattice, kept whole.
+    let centre = |q: usize| -> IVec3 { cage.quads[q].iter().map(|&v| IVec3::from(cage.vertices[v as usize])).sum() };
+    let sum: IVec3 = candidates.iter().map(|&q| centre(q)).sum();
     let n = candidates.len() as i32;
-    let off = |q: usize| -> i32 { (0..3).map(|k| (centre(q)[k] * n - mean[k]).abs()).sum() };
+    let off = |q: usize| (centre(q) * n - sum).abs().element_sum();
     candidates.iter().copied().min_by_key(|&q| (off(q), q)).unwrap_or(first)
 }
 

@@ -48,7 +48,7 @@ pub(super) struct Body {
     pub(super) fronts: [DVec3; 2],
     /// Cross-sections of lattice rows 0 to 5; the last one holds the neck.
     pub(super) torso: [Section; 6],
-    /// Place along the spine, half distance and sizes of the shoulders.
+    /// Place of the shoulders along the spine and their half distance.
     pub(super) shoulder: (f64, f64),
     /// Half distance of the hips.
     pub(super) hip: f64,
@@ -56,7 +56,7 @@ pub(super) struct Body {
     pub(super) arms: [Limb; 2],
     /// Right and left.
     pub(super) legs: [Limb; 2],
-    /// Half height and half depth of a sole's toe end, and drop from the ankle to the ground.
+    /// The feet.
     pub(super) foot: Foot,
     /// The head.
     pub(super) head: Head,

@@ -10,7 +10,7 @@ pub(super) type Lattice = [i32; 3];
 
 /// Parts of the body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Part {
+pub(super) enum Part {
     /// From the crotch to the shoulders.
     Torso,
     /// The neck.

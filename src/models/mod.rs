@@ -14,7 +14,6 @@ mod sampling;
 pub mod shapes;
 mod subdivision;
 
-pub use cage::Part;
 pub use character::Character;
 pub use pair::{ModelPair, character_pair, stout, strider};
 pub use subdivision::Parameter;

@@ -152,7 +152,7 @@ pub fn render(
 /// Pictures beside one another, centred vertically, `gap` pixels apart, on a background of sRGB and opacity.
 ///
 /// # Errors
-/// [`Error::Option`] if the result would be wider than [`MAX_SIZE`] times the number of pictures can be.
+/// [`Error::Option`] if the result would be wider than four times [`MAX_SIZE`].
 pub fn side_by_side(pictures: &[RgbaImage], gap: u32, background: [u8; 4]) -> Result<RgbaImage> {
     let gaps = u64::from(gap) * pictures.len().saturating_sub(1) as u64;
     let width = pictures.iter().map(|p| u64::from(p.width())).sum::<u64>() + gaps;
