@@ -52,18 +52,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     });
     let [left, right] = pictures;
     side_by_side(&[left?, right?], 20, [255; 4])?.save(&output)?;
-    println!(
-        "{output}: weights of anchors {top} and {front}: red is one, white zero, blue negative, lines every tenth"
-    );
+    println!("{output}: weights of anchors {top} and {front}: red is one, white zero, blue negative");
     Ok(())
 }
 
-/// White at zero, red towards one, blue below zero, with a line at every tenth.
+/// White at zero, red towards one, blue below zero.
 fn color(weight: f64) -> [u8; 3] {
     let strength = weight.abs().min(1.0).sqrt();
     let fade = |to: f64| 255.0 + (to - 255.0) * strength;
-    let line = (10.0 * weight - (10.0 * weight).round()).abs() < 0.06 && weight.abs() > 0.05;
-    let shade = if line { 0.6 } else { 1.0 };
     let rgb = if weight >= 0.0 { [fade(200.0), fade(30.0), fade(40.0)] } else { [fade(30.0), fade(70.0), fade(200.0)] };
-    rgb.map(|c| (c * shade) as u8)
+    rgb.map(|c| c as u8)
 }
