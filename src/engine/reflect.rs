@@ -212,6 +212,16 @@ fn memory_faults(module: &Module, found: &mut Vec<String>) {
     }
 }
 
+/// Whether an expression reads an element, or a member of an element, at an index known only at run time.
+fn indexed(function: &naga::Function, e: Handle<Expression>) -> bool {
+    match &function.expressions[e] {
+        Expression::Load { pointer } => indexed(function, *pointer),
+        Expression::AccessIndex { base, .. } => indexed(function, *base),
+        Expression::Access { .. } => true,
+        _ => false,
+    }
+}
+
 fn function_faults(function: &naga::Function, found: &mut Vec<String>) {
     let name = function.name.as_deref().unwrap_or("main");
     for (_, e) in function.expressions.iter() {
@@ -220,14 +230,8 @@ fn function_faults(function: &naga::Function, found: &mut Vec<String>) {
                 found.push(format!("{name} calls {fun:?}, whose precision differs between devices"));
             }
             // Both sides of a select are evaluated: an index in one of them is followed even when it is not chosen.
-            Expression::Select { accept, reject, .. } => {
-                for side in [accept, reject] {
-                    if let Expression::Load { pointer } = function.expressions[*side]
-                        && matches!(function.expressions[pointer], Expression::Access { .. })
-                    {
-                        found.push(format!("{name} indexes inside select"));
-                    }
-                }
+            Expression::Select { accept, reject, .. } if indexed(function, *accept) || indexed(function, *reject) => {
+                found.push(format!("{name} indexes inside select"));
             }
             _ => {}
         }
