@@ -179,12 +179,10 @@ fn differs(name: &str, span: u32, here: &[(&str, usize)], twin: &Layout) -> Stri
 /// Collects the structs within a shared type and objects to types whose padding surprises.
 fn gather(module: &Module, ty: Handle<Type>, shared: &mut Vec<Handle<Type>>, found: &mut Vec<String>) {
     match &module.types[ty].inner {
-        TypeInner::Struct { members, .. } => {
-            if !shared.contains(&ty) {
-                shared.push(ty);
-                for m in members {
-                    gather(module, m.ty, shared, found);
-                }
+        TypeInner::Struct { members, .. } if !shared.contains(&ty) => {
+            shared.push(ty);
+            for m in members {
+                gather(module, m.ty, shared, found);
             }
         }
         TypeInner::Array { base, .. } => {
