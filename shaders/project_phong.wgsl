@@ -90,7 +90,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         }
     }
 
-    var result = unprojected(NONE, y, reference, NOTHING);
+    var result = unprojected(NOTHING);
     var face = start.w;
     for (var attempt = 0u; attempt < 2u; attempt++) {
         if attempt == 1u {
@@ -108,10 +108,10 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             let root = project_triangle(phong_system(vertices, triangles, face, head, y), PATIENCE);
             if root.inside {
                 // A projection farther away than a vertex cannot be the closest one: the walk went astray.
-                let astray = projected(vertices, face, head, root.x, result, y, BY_WALK).distance_squared > least;
+                let astray = projected(vertices, face, head, root.x, y, BY_WALK).distance_squared > least;
                 if !astray || attempt == 1u {
                     let found = select(BY_WALK, result.found + ASTRAY, astray);
-                    result = projected(vertices, face, head, root.x, result, reference, found);
+                    result = projected(vertices, face, head, root.x, reference, found);
                 }
                 break;
             }

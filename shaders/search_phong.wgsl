@@ -48,9 +48,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let reference = Vec8(averages[begin], averages[begin + 1u]);
 
     let walked = results[i];
-    let none = unprojected(NONE, y, reference, walked.found);
     let range = texel(vertices, (walked.found / VERTEX) * VERTEX_TEXELS + 6u);
-    var best = none;
+    var best = unprojected(walked.found);
     var root = vec3f();
     var k = 0u;
     // Each lane goes on to its next triangle that can hold a root before all look for one together: the look is a hundred
@@ -71,7 +70,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         let head = texel(triangles, face * TRIANGLE_TEXELS);
         let r = project_triangle(phong_system(vertices, triangles, face, head, y), PATIENCE);
         if r.inside {
-            let c = projected(vertices, face, head, r.x, none, y, BY_SEARCH);
+            let c = projected(vertices, face, head, r.x, y, BY_SEARCH);
             if best.face == NONE || c.distance_squared < best.distance_squared
                 || (c.distance_squared == best.distance_squared && face < best.face) {
                 best = c;
@@ -83,7 +82,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (walked.found & ASTRAY) != 0u && range.w != 0u {
         let head = texel(triangles, walked.face * TRIANGLE_TEXELS);
         let x = vec3f(walked.b0, walked.b1, 1.0 - walked.b0 - walked.b1);
-        let c = projected(vertices, walked.face, head, x, none, y, BY_WALK);
+        let c = projected(vertices, walked.face, head, x, y, BY_WALK);
         if best.face == NONE || c.distance_squared <= best.distance_squared {
             best = c;
             root = x;
@@ -91,6 +90,6 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     if best.face != NONE {
         let head = texel(triangles, best.face * TRIANGLE_TEXELS);
-        results[i] = projected(vertices, best.face, head, root, none, reference, best.found);
+        results[i] = projected(vertices, best.face, head, root, reference, best.found);
     }
 }

@@ -24,8 +24,6 @@ struct Projected {
     b1: f32,
     // From the reference to the projection.
     distance_squared: f32,
-    // From the reference to the projected point.
-    offset_squared: f32,
     // How it was found; where it is LEFT, also whether the walk found a root all the same (ASTRAY), and the vertex that the walk over
     // vertices ended at, times VERTEX.
     found: u32,
@@ -39,16 +37,15 @@ const LEFT: u32 = 3u;
 const ASTRAY: u32 = 4u;
 const VERTEX: u32 = 8u;
 
-fn unprojected(face: u32, y: Vec8, reference: Vec8, found: u32) -> Projected {
-    let d = sub8(y, reference);
-    return Projected(face, 0.0, 0.0, 0.0, dot8(d, d), found);
+fn unprojected(found: u32) -> Projected {
+    return Projected(NONE, 0.0, 0.0, 0.0, found);
 }
 
 // The root `x` in triangle `face`.
-fn projected(vertices: texture_2d<u32>, face: u32, head: vec4u, x: vec3f, none: Projected, reference: Vec8, found: u32) -> Projected {
+fn projected(vertices: texture_2d<u32>, face: u32, head: vec4u, x: vec3f, reference: Vec8, found: u32) -> Projected {
     let a = vertex_point(vertices, head.x);
     let b = vertex_point(vertices, head.y);
     let c = vertex_point(vertices, head.z);
     let d = sub8(combine8(x, a, b, c), reference);
-    return Projected(face, x.x, x.y, dot8(d, d), none.offset_squared, found);
+    return Projected(face, x.x, x.y, dot8(d, d), found);
 }

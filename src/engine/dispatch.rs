@@ -112,7 +112,7 @@ impl Gpu {
         let per_group = pipeline.kernel.items_per_group();
         let most = u64::from(per_group) * u64::from(self.capabilities.max_groups);
         let pace = pipeline.pace.load(Ordering::Relaxed);
-        let items = if pace == 0 { u64::from(PROBE) } else { SLICE.as_nanos() as u64 * 1000 / pace };
+        let items = (SLICE.as_nanos() as u64 * 1000).checked_div(pace).unwrap_or(u64::from(PROBE));
         let items = items.clamp(1, most).min(u64::from(u32::MAX / 2)) as u32;
         items.next_multiple_of(per_group)
     }

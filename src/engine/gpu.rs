@@ -9,6 +9,9 @@ use super::capability::Capabilities;
 use super::kernel::{BindingKind, GROUP, Kernel, Span};
 use crate::error::{Error, Result};
 
+/// A kernel's name and the bits of its override constants.
+type Variant = (&'static str, Vec<u64>);
+
 /// A device that runs kernels. All calls may come from any thread; every call fails with [`Error::Device`] once the
 /// device is lost.
 pub struct Gpu {
@@ -19,7 +22,7 @@ pub struct Gpu {
     pub(super) budget: Arc<Budget>,
     pub(super) submitting: Mutex<()>,
     fault: Arc<OnceLock<String>>,
-    pipelines: Mutex<HashMap<(&'static str, Vec<u64>), Arc<Pipeline>>>,
+    pipelines: Mutex<HashMap<Variant, Arc<Pipeline>>>,
 }
 
 impl std::fmt::Debug for Gpu {
@@ -166,7 +169,7 @@ impl Gpu {
         let internal = self.device.push_error_scope(wgpu::ErrorFilter::Internal);
         let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let value = work();
-        let faults = [validation.pop(), internal.pop()].map(|f| pollster::block_on(f));
+        let faults = [validation.pop(), internal.pop()].map(pollster::block_on);
         let memory = pollster::block_on(memory.pop());
         if let Some(e) = memory {
             return Err(Error::Device {

@@ -70,7 +70,7 @@ impl<'a, T: Pod> ReadbackRing<'a, T> {
             what: what.into(),
             remedy: "This is a fault of barymap: please report it".into(),
         };
-        if range.len() > self.len || bytes % wgpu::COPY_BUFFER_ALIGNMENT != 0 {
+        if range.len() > self.len || !bytes.is_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT) {
             return Err(fault("a readback does not fit its staging buffer"));
         }
         let slot = self.free.pop().ok_or_else(|| fault("more readbacks are pending than were planned"))?;

@@ -179,12 +179,10 @@ fn differs(name: &str, span: u32, here: &[(&str, usize)], twin: &Layout) -> Stri
 /// Collects the structs within a shared type and objects to types whose padding surprises.
 fn gather(module: &Module, ty: Handle<Type>, shared: &mut Vec<Handle<Type>>, found: &mut Vec<String>) {
     match &module.types[ty].inner {
-        TypeInner::Struct { members, .. } => {
-            if !shared.contains(&ty) {
-                shared.push(ty);
-                for m in members {
-                    gather(module, m.ty, shared, found);
-                }
+        TypeInner::Struct { members, .. } if !shared.contains(&ty) => {
+            shared.push(ty);
+            for m in members {
+                gather(module, m.ty, shared, found);
             }
         }
         TypeInner::Array { base, .. } => {
@@ -212,6 +210,16 @@ fn memory_faults(module: &Module, found: &mut Vec<String>) {
     }
 }
 
+/// Whether an expression reads an element, or a member of an element, at an index known only at run time.
+fn indexed(function: &naga::Function, e: Handle<Expression>) -> bool {
+    match &function.expressions[e] {
+        Expression::Load { pointer } => indexed(function, *pointer),
+        Expression::AccessIndex { base, .. } => indexed(function, *base),
+        Expression::Access { .. } => true,
+        _ => false,
+    }
+}
+
 fn function_faults(function: &naga::Function, found: &mut Vec<String>) {
     let name = function.name.as_deref().unwrap_or("main");
     for (_, e) in function.expressions.iter() {
@@ -220,14 +228,8 @@ fn function_faults(function: &naga::Function, found: &mut Vec<String>) {
                 found.push(format!("{name} calls {fun:?}, whose precision differs between devices"));
             }
             // Both sides of a select are evaluated: an index in one of them is followed even when it is not chosen.
-            Expression::Select { accept, reject, .. } => {
-                for side in [accept, reject] {
-                    if let Expression::Load { pointer } = function.expressions[*side]
-                        && matches!(function.expressions[pointer], Expression::Access { .. })
-                    {
-                        found.push(format!("{name} indexes inside select"));
-                    }
-                }
+            Expression::Select { accept, reject, .. } if indexed(function, *accept) || indexed(function, *reject) => {
+                found.push(format!("{name} indexes inside select"));
             }
             _ => {}
         }

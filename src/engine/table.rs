@@ -38,7 +38,7 @@ impl Gpu {
     /// [`Error::Capability`] if it is larger than a texture may be, [`Error::Memory`] past the budget,
     /// [`Error::Device`] if the device refuses or a record is not made of whole texels.
     pub fn table<T: Pod>(&self, label: &str, records: &[T]) -> Result<Table> {
-        if size_of::<T>() % TEXEL != 0 {
+        if !size_of::<T>().is_multiple_of(TEXEL) {
             return Err(Error::Device {
                 what: format!("table '{label}' has records of {} bytes", size_of::<T>()),
                 remedy: "This is a fault of barymap: please report it".into(),

@@ -6,7 +6,9 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use super::average_anchors::{AVERAGE_ANCHORS, AVERAGE_ANCHORS_ONCE, AverageParams, MOST_ANCHORS, VECTORS, anchor_block, correction_records};
+use super::average_anchors::{
+    AVERAGE_ANCHORS, AVERAGE_ANCHORS_ONCE, AverageParams, MOST_ANCHORS, VECTORS, anchor_block, correction_records,
+};
 use super::project_phong::{PROJECT_PHONG, ProjectParams, Projected, SEARCH_PHONG};
 use super::tables::SurfaceTables;
 use crate::engine::{
@@ -123,13 +125,7 @@ impl DeviceMap {
         let anchors = gpu.uniform_blocks("anchors", &anchor_block(&map))?;
         let tables = Tables { target, source, starts, own_starts, corrections, anchors };
         let tile = Tile::new(gpu, &map, &tables)?;
-        Ok(Self {
-            engine: engine.clone(),
-            map,
-            tile: Mutex::new(tile),
-            left: AtomicU64::new(0),
-            _tables: tables,
-        })
+        Ok(Self { engine: engine.clone(), map, tile: Mutex::new(tile), left: AtomicU64::new(0), _tables: tables })
     }
 
     /// The same map on the CPU.
@@ -326,7 +322,12 @@ impl Projection {
         let walk_group = gpu.bind(&walk, &bindings)?;
         let search = gpu.pipeline(&SEARCH_PHONG)?;
         let mut bindings = vec![params.bind(0), averages.bind(), left.list().bind(), results.bind()];
-        bindings.extend([surface.vertices.bind(), surface.triangles.bind(), surface.bounds.bind(), surface.near.bind()]);
+        bindings.extend([
+            surface.vertices.bind(),
+            surface.triangles.bind(),
+            surface.bounds.bind(),
+            surface.near.bind(),
+        ]);
         let search_group = gpu.bind(&search, &bindings)?;
         Ok(Self { results, walk: (walk, walk_group), left, search: (search, search_group), _params: params })
     }

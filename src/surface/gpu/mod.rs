@@ -18,8 +18,43 @@ pub use map::DeviceMap;
 pub use project_phong::{ProjectParams, Projected};
 pub use tables::SurfaceTables;
 
-use crate::engine::Kernel;
+use crate::engine::{Backend, Engine, Kernel};
+use crate::error::Result;
+use crate::surface::anchors::AnchorPairs;
+use crate::surface::correspondence::{
+    CorrespondenceOptions, Precision, Shape, WeightedAverages, correspondence, dimension,
+};
+use crate::surface::packed::PointMap;
 
 /// The kernels of this folder.
 pub const KERNELS: &[&Kernel] =
     &[&average_anchors::AVERAGE_ANCHORS, &project_phong::PROJECT_PHONG, &project_phong::SEARCH_PHONG];
+
+/// The map from the target to the source where `engine` works: on its device, or on the CPU in the engine's precision. Where there is a device that
+/// cannot do this work, the CPU does it and the second value says why, in one line.
+///
+/// # Errors
+/// As [`correspondence`], and if the tables do not fit the device.
+pub fn correspondence_on(
+    engine: &Engine,
+    source: Shape<'_>,
+    target: Shape<'_>,
+    anchors: &AnchorPairs,
+    options: &CorrespondenceOptions,
+) -> Result<(Box<dyn PointMap + Send>, Option<String>)> {
+    let precision = if engine.backend() == Backend::Reference { Precision::Double } else { Precision::Single };
+    let options = CorrespondenceOptions { precision, ..*options };
+    let on_cpu = |note| Ok((correspondence(source, target, anchors, &options)?, note));
+    if engine.gpu().is_none() {
+        return on_cpu(None);
+    }
+    if !options.method.needs_embedding() {
+        return on_cpu(Some(format!("method {} runs on the CPU", options.method.name())));
+    }
+    if let Some(why) = DeviceMap::obstacle(engine, dimension(&source, &target)?, anchors.len()) {
+        return on_cpu(Some(format!("the correspondence runs on the CPU: {why}")));
+    }
+    anchors.check((source.mesh, source.topology), (target.mesh, target.topology))?;
+    let map = WeightedAverages::new(source, target, anchors, &options)?;
+    Ok((Box::new(DeviceMap::new(engine, map)?), None))
+}

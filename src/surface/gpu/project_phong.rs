@@ -36,8 +36,6 @@ pub struct Projected {
     pub b1: f32,
     /// Squared distance of the projection from the reference point.
     pub distance_squared: f32,
-    /// Squared distance of the projected point from the reference point.
-    pub offset_squared: f32,
     /// In the two lowest bits a [`Found`](crate::surface::project::Found) as a number, or [`Projected::LEFT`].
     pub found: u32,
 }
@@ -48,14 +46,14 @@ impl Projected {
     /// The bits of `found` that tell how.
     pub const HOW: u32 = 3;
     /// The word of an entry that holds `found`.
-    pub(super) const FOUND_WORD: u32 = 5;
+    pub(super) const FOUND_WORD: u32 = 4;
 }
 
 const LAYOUTS: &[Layout] = &[
     layout!(ProjectParams, {
         stride, point, reference, vertex_steps, triangle_steps, unused0, unused1, unused2
     }),
-    layout!(Projected, { face, b0, b1, distance_squared, offset_squared, found }),
+    layout!(Projected, { face, b0, b1, distance_squared, found }),
 ];
 const PARAMS: BindingKind = BindingKind::Uniform(size_of::<ProjectParams>() as u64);
 

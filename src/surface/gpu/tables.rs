@@ -186,8 +186,7 @@ mod tests {
 
     fn check(mesh: &Mesh) {
         let topology = Topology::new(mesh);
-        let points: Vec<f64> =
-            mesh.positions.iter().flat_map(|p| [p.x, p.y, p.z, 0.0, 0.0, 0.0, 0.0, 0.0]).collect();
+        let points: Vec<f64> = mesh.positions.iter().flat_map(|p| [p.x, p.y, p.z, 0.0, 0.0, 0.0, 0.0, 0.0]).collect();
         let surface = PhongSurface::<f64, 8>::new(&topology, &points).unwrap().cast::<f32>();
         for v in 0..surface.vertices.len() as u32 {
             let mut stops = Vec::new();
