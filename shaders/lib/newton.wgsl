@@ -5,6 +5,9 @@
 // How far outside a triangle a root may lie; psi::slack.
 const SLACK: f32 = 1e-4;
 const NEWTON_STEPS: u32 = 12u;
+// Iterates that overshot a vertex and what they are pulled back to; psi::NEAR_VERTEX, psi::PULLED.
+const NEAR_VERTEX: f32 = 0.05;
+const PULLED: f32 = 0.02;
 const EPSILON: f32 = 1.1920928955078125e-7;
 
 // Q_kj = G_k T_i(k) (v_j - ybar) as the columns j of one matrix for each k, and P_ii, which vanishes where vertex i
@@ -96,24 +99,21 @@ fn inside_or_not(x: vec3f) -> Root {
     return Root(c / (c.x + c.y + c.z), true);
 }
 
-// The iterate has reached a vertex, or passed the circle where Psi has its pole. Lengths are those of Q in place of P:
+// The vertex nearest to x, if it is a root. Lengths are those of Q in place of P:
 // G_k is orthogonal.
 fn vertex_root(system: System, x: vec3f) -> Root {
     var e = vec3f(1.0, 0.0, 0.0);
     var q = system.q0;
-    var others = x.yz;
     if x.y > x.x && x.y >= x.z {
         e = vec3f(0.0, 1.0, 0.0);
         q = system.q1;
-        others = x.zx;
     } else if x.z > x.x {
         e = vec3f(0.0, 0.0, 1.0);
         q = system.q3;
-        others = x.xy;
     }
     let own = q * e;
     let scale = max(largest(q[0] - own), max(largest(q[1] - own), largest(q[2] - own)));
-    if largest(others) <= SLACK && largest(own) <= SLACK * scale {
+    if largest(own) <= SLACK * scale {
         return Root(e, true);
     }
     return Root(x, false);
@@ -122,6 +122,7 @@ fn vertex_root(system: System, x: vec3f) -> Root {
 fn project_triangle(system: System, patience: f32) -> Root {
     var x = vec3f(1.0 / 3.0);
     var last = 1e30;
+    var pulled = false;
     for (var i = 0u; i < NEWTON_STEPS; i++) {
         let step = newton_step(system, x);
         if !step.sound {
@@ -132,7 +133,15 @@ fn project_triangle(system: System, patience: f32) -> Root {
             return Root(x, false);
         }
         if x.x * x.y + x.y * x.z + x.z * x.x <= AT_VERTEX {
-            return vertex_root(system, x);
+            let root = vertex_root(system, x);
+            if root.inside || pulled || min(x.x, min(x.y, x.z)) < -NEAR_VERTEX {
+                return root;
+            }
+            pulled = true;
+            let inner = max(x, vec3f(PULLED));
+            x = inner / (inner.x + inner.y + inner.z);
+            last = 1e30;
+            continue;
         }
         let size = largest(step.d);
         if size <= 8.0 * EPSILON || (size <= 1e-4 && size * size <= EPSILON && last < 1e30) {

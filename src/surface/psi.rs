@@ -164,6 +164,11 @@ pub fn slack<S: Real>() -> S {
 /// Steps after which Newton's method is given up; three or four are usual.
 pub const NEWTON_STEPS: usize = 12;
 
+/// Barycentric distance beyond an edge up to which an iterate past the pole counts as having overshot a vertex.
+const NEAR_VERTEX: f64 = 0.05;
+/// Least coordinate it is then pulled back to.
+const PULLED: f64 = 0.02;
+
 impl<S: Real, const D: usize> TangentTriangle<'_, S, D> {
     /// What the iteration needs of the triangle and the point, in the three tangent planes.
     #[inline(always)]
@@ -185,6 +190,7 @@ impl<S: Real, const D: usize> TangentTriangle<'_, S, D> {
         let tolerance = S::of(8.0) * S::EPSILON;
         let mut x = start;
         let mut last = S::HUGE;
+        let mut pulled = false;
         for _ in 0..NEWTON_STEPS {
             let Some([dx, dy]) = self.newton_step(&p, &x) else {
                 return Root::Outside(x);
@@ -197,7 +203,20 @@ impl<S: Real, const D: usize> TangentTriangle<'_, S, D> {
             let step = dx.abs().maximum(dy.abs());
             let s = x[0] * x[1] + x[1] * x[2] + x[2] * x[0];
             if s <= at_vertex::<S>() {
-                return self.vertex_root(&p, x);
+                // At a vertex, or past the circle through the vertices, where Psi has its pole.
+                if let Some(root) = self.vertex_root(&p, &x) {
+                    return Root::Inside(root);
+                }
+                if pulled || lowest < -S::of(NEAR_VERTEX) {
+                    return Root::Outside(x);
+                }
+                // The iterate overshot a vertex that is no root: once more from inside.
+                pulled = true;
+                let inside = x.map(|v| v.maximum(S::of(PULLED)));
+                let sum = inside[0] + inside[1] + inside[2];
+                x = inside.map(|v| v / sum);
+                last = S::HUGE;
+                continue;
             }
             // Quadratic convergence: once a step is below the square root of the precision the next one is rounding.
             if step <= tolerance || (step <= S::of(1e-4) && step * step <= S::EPSILON && last < S::HUGE) {
@@ -208,10 +227,11 @@ impl<S: Real, const D: usize> TangentTriangle<'_, S, D> {
         if last <= S::of(1e-3) { inside_or_not(x) } else { Root::Outside(x) }
     }
 
-    /// The iterate has reached a vertex (or passed the circle through the vertices, where Psi has its pole).
+    /// The vertex nearest to `x`, if it is a root.
     ///
-    /// At a vertex Psi spans the vertex's own tangent plane whatever the direction, so the vertex is a root where `T_i (v_i - ybar)` vanishes.
-    fn vertex_root(&self, p: &Tangential<S>, x: [S; 3]) -> Root<S> {
+    /// At a vertex Psi spans the vertex's own tangent plane whatever the direction, so the vertex is a root where `T_i (v_i - ybar)` vanishes. Newton's method may reach it
+    /// from beyond, where Psi is not defined, so the place of the iterate does not count.
+    fn vertex_root(&self, p: &Tangential<S>, x: &[S; 3]) -> Option<[S; 3]> {
         let i = usize::from(x[1] > x[0]);
         let i = if x[2] > x[i] { 2 } else { i };
         let size = |q: [S; 2]| q[0].abs().maximum(q[1].abs());
@@ -223,13 +243,9 @@ impl<S: Real, const D: usize> TangentTriangle<'_, S, D> {
         };
         // Edges as seen in the vertex's tangent plane give the scale; the slack is the one of edges.
         let scale = size(e0).maximum(size(e1));
-        let near = x[(i + 1) % 3].abs() <= slack::<S>() && x[(i + 2) % 3].abs() <= slack::<S>();
-        if near && size(offset) <= slack::<S>() * scale {
-            let mut e = [S::ZERO; 3];
-            e[i] = S::ONE;
-            return Root::Inside(e);
-        }
-        Root::Outside(x)
+        let mut e = [S::ZERO; 3];
+        e[i] = S::ONE;
+        (size(offset) <= slack::<S>() * scale).then_some(e)
     }
 
     /// One Newton step `(dx1, dx2)`; `None` where the Jacobian is singular.

@@ -151,6 +151,28 @@ fn planes_at_vertices_are_the_vertices_own() {
     }
 }
 
+#[test]
+fn every_vertex_is_found_from_every_triangle_around_it() {
+    // Newton's method comes to a vertex from any side, also from beyond it, where Psi is not defined.
+    for mesh in [lobed_sphere(3, 0.4), irregular_plane(12, 12, 1.0, 1.0, Diagonal::Alternating, 0.45, 3)] {
+        let s = surface(&mesh);
+        let single = s.cast::<f32>();
+        for v in 0..s.vertices.len() as u32 {
+            for &t in s.fan(v) {
+                let third = [1.0 / 3.0; 3];
+                let y = s.vertices[v as usize].y;
+                assert!(
+                    matches!(s.triangle(t).project(&y, third, 2.0), Root::Inside(x) if x.contains(&1.0)),
+                    "{v} {t}"
+                );
+                let y = single.vertices[v as usize].y;
+                let root = single.triangle(t).project(&y, third.map(|x| x as f32), 2.0);
+                assert!(matches!(root, Root::Inside(x) if x.iter().any(|&x| x > 0.9995)), "single {v} {t} {root:?}");
+            }
+        }
+    }
+}
+
 /// Turns or mirrors every vertex basis within its plane.
 fn other_gauge(mesh: &Mesh, s: &PhongSurface<f64, 8>) -> PhongSurface<f64, 8> {
     let mut other = s.clone();
