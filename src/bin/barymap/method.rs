@@ -1,9 +1,8 @@
 //! The correspondence as the command line asks for it.
 
 use barymap::Result;
-use barymap::engine::Backend;
-use barymap::surface::correspondence::{CorrespondenceOptions, Method, Precision, WeightedAverages, correspondence};
-use barymap::surface::gpu::DeviceMap;
+use barymap::surface::correspondence::{CorrespondenceOptions, Method};
+use barymap::surface::gpu::correspondence_on;
 use barymap::surface::{AnchorPairs, PointMap};
 use clap::ValueEnum;
 
@@ -47,22 +46,11 @@ pub(crate) fn prepare(
         session.embed(source, &options)?;
         session.embed(target, &options)?;
     }
-    if method.needs_embedding() && session.engine.backend() == Backend::Gpu {
-        let dimension = embedding.options().dimension;
-        match DeviceMap::obstacle(&session.engine, dimension, anchors.len()) {
-            Some(why) => session.warn(&format!("{why}: the correspondence is computed on the CPU")),
-            None => {
-                let options = CorrespondenceOptions { method, ..CorrespondenceOptions::default() };
-                let map = WeightedAverages::<f32, 8>::new(source.shape(), target.shape(), anchors, &options)?;
-                let map = DeviceMap::new(&session.engine, map)?;
-                session.watch.lap("correspondence");
-                return Ok(Box::new(map));
-            }
-        }
+    let options = CorrespondenceOptions { method, ..CorrespondenceOptions::default() };
+    let (map, note) = correspondence_on(&session.engine, source.shape(), target.shape(), anchors, &options)?;
+    if let Some(note) = note {
+        session.warn(&note);
     }
-    let precision = if session.engine.backend() == Backend::Reference { Precision::Double } else { Precision::Single };
-    let options = CorrespondenceOptions { method, precision, ..CorrespondenceOptions::default() };
-    let map = correspondence(source.shape(), target.shape(), anchors, &options)?;
     session.watch.lap("correspondence");
     Ok(map)
 }
