@@ -111,7 +111,8 @@ impl Pair {
         let valid: Vec<usize> = used.iter().copied().filter(|&v| found.images[v].status() == Status::Valid).collect();
         let claimed: f64 = valid.iter().map(|&v| area[v]).sum();
         let off = |x: f64| {
-            let wrong: f64 = valid.iter().filter(|&&v| error(v) > x).map(|&v| area[v]).sum();
+            // An empty sum of floats is -0.
+            let wrong = valid.iter().filter(|&&v| error(v) > x).fold(0.0, |sum, &v| sum + area[v]);
             100.0 * wrong / claimed.max(f64::MIN_POSITIVE)
         };
         let d = &found.distortion;

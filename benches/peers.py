@@ -37,7 +37,7 @@ meshes.transfer_attributes_to_texture_per_vertex(
     sourcemesh=0,
     targetmesh=1,
     attributeenum="Texture Color",
-    upperbound=pymeshlab.PercentageValue(20),
+    upperbound=pymeshlab.PercentageValue(100),
     textname="peer.png",
     textw=int(size),
     texth=int(size),

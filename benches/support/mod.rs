@@ -123,7 +123,8 @@ impl Surface {
 
     /// `count` farthest-point anchors of this surface, paired with themselves.
     pub(crate) fn self_anchors(&self, count: usize) -> Result<AnchorPairs> {
-        let points: Vec<SurfacePoint> = self.farthest(count).into_iter().map(|v| self.vertex(v)).collect::<Result<_>>()?;
+        let points: Vec<SurfacePoint> =
+            self.farthest(count).into_iter().map(|v| self.vertex(v)).collect::<Result<_>>()?;
         Ok(AnchorPairs { source: points.clone(), target: points })
     }
 }
