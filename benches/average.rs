@@ -3,6 +3,8 @@
 //! `cargo bench --bench average [-- TEXELS]`. Prints process CPU time divided by 2 per texel, best of several rounds after a
 //! warm-up, and the ratio to the f64 scalar weights (the truth). Noise between runs is about 20 %: compare within one.
 
+mod support;
+
 use std::time::Instant;
 
 use barymap::engine::{LaneScalar, Lanes, Real, TILE};
@@ -13,24 +15,11 @@ use barymap::surface::average::{
 };
 use barymap::surface::{PackedPoint, PhongSurface};
 use rayon::prelude::*;
+use support::cpu_seconds;
 
 const D: usize = 8;
 /// Tiles a rayon task works on.
 const TASK: usize = 16;
-
-/// CPU seconds of all threads of this process; wall time where the system does not tell.
-fn cpu_seconds(start: Instant) -> f64 {
-    let threads = std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
-    let nanoseconds: f64 = threads
-        .filter_map(|t| std::fs::read_to_string(t.path().join("schedstat")).ok())
-        .filter_map(|s| s.split(' ').next()?.parse::<f64>().ok())
-        .sum();
-    if nanoseconds > 0.0 {
-        nanoseconds * 1e-9
-    } else {
-        start.elapsed().as_secs_f64() * rayon::current_num_threads() as f64
-    }
-}
 
 /// Best of `rounds`, nanoseconds of CPU time / 2 per texel.
 fn time(start: Instant, texels: usize, rounds: usize, mut job: impl FnMut()) -> f64 {

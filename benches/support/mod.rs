@@ -32,7 +32,7 @@ impl Spent {
 }
 
 /// CPU seconds of the threads that live; wall time by all threads where the system does not tell.
-fn cpu_seconds(start: Instant) -> f64 {
+pub(crate) fn cpu_seconds(start: Instant) -> f64 {
     let threads = std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
     let nanoseconds: f64 = threads
         .filter_map(|t| std::fs::read_to_string(t.path().join("schedstat")).ok())
