@@ -50,12 +50,12 @@
 //! area that is valid come with every transfer. Errors name the file or value, what is wrong and what to do ([`Error`]). The same
 //! input gives the same bytes, for any number of threads.
 //!
-//! - [`geometry`]: meshes, adjacency, diagnosis, geodesics, simplification
-//! - [`surface`]: weighted averages on surfaces (Panozzo, Baran, Diamanti, Sorkine-Hornung 2013)
-//! - [`tools`]: what users do: transfer, coverage, pictures
-//! - [`engine`]: adapters and kernels
-//! - [`io`]: files
-//! - [`models`]: built-in shapes and characters with known correspondence
+//! - [`mod@geometry`], meshes, adjacency, diagnosis, geodesics, simplification
+//! - [`mod@surface`], weighted averages on surfaces (Panozzo, Baran, Diamanti, Sorkine-Hornung 2013)
+//! - [`mod@tools`], what users do: transfer, coverage, pictures
+//! - [`mod@engine`], adapters and kernels
+//! - [`mod@io`], files
+//! - [`mod@models`], built-in shapes and characters with known correspondence
 
 pub mod engine;
 pub mod error;

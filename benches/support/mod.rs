@@ -87,7 +87,7 @@ impl Surface {
         let topology = Topology::new(&mesh);
         let options = EmbeddingOptions::default();
         let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("embeddings");
-        let file = folder.join(cache_key(&mesh, &options).to_string());
+        let file = folder.join(cache_key(&mesh, &options));
         let kept = std::fs::read(&file).ok().and_then(|b| Embedding::from_bytes(&b).ok());
         let embedding = match kept {
             Some(e) => e,

@@ -288,7 +288,7 @@ impl EmbeddingArguments {
 
 /// Fails early where several outputs could not be written.
 pub(crate) fn check_outputs<'p>(paths: impl IntoIterator<Item = &'p Path>) -> Result<()> {
-    paths.into_iter().try_for_each(|p| barymap::io::output::check_writable(p))
+    paths.into_iter().try_for_each(barymap::io::output::check_writable)
 }
 
 /// `WxH` or one number for a square.

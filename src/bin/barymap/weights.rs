@@ -1,6 +1,6 @@
 //! `barymap weights` and `barymap average`: the inverse and the forward problem themselves.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use barymap::Result;
 use barymap::geometry::SurfacePoint;
@@ -45,8 +45,8 @@ pub(crate) struct ForwardArguments {
 
 fn prepare(
     session: &mut Session<'_>,
-    mesh: &PathBuf,
-    anchors: &PathBuf,
+    mesh: &Path,
+    anchors: &Path,
     e: &EmbeddingArguments,
 ) -> Result<(crate::common::Surface, Vec<SurfacePoint>)> {
     let mut surface = session.mesh(mesh)?;
