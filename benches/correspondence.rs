@@ -152,7 +152,9 @@ fn kernels(gpu: &Gpu, map: &WeightedAverages<f32, D>, points: &[PackedPoint], fi
     let input = gpu.upload("points", points)?;
     let averages: Buffer<[f32; D]> = gpu.buffer("averages", 3 * n)?;
     let results: Buffer<Projected> = gpu.buffer("projections", n)?;
-    let matching = Matching { stride: 6, offset: 5, value: Projected::LEFT, mask: Projected::HOW };
+    let words = |bytes: usize| (bytes / size_of::<u32>()) as u32;
+    let (stride, offset) = (words(size_of::<Projected>()), words(std::mem::offset_of!(Projected, found)));
+    let matching = Matching { stride, offset, value: Projected::LEFT, mask: Projected::HOW };
     let left = Compaction::new(gpu, &results, n, matching)?;
     let bindings = |kernel: &Kernel| {
         let (v, t) = (source.vertices.bind(), source.triangles.bind());
