@@ -14,11 +14,11 @@ use glam::DVec3;
 use serde_json::{Value, json};
 
 /// The target is the source stretched by these factors along its axes.
-pub const STRETCH: DVec3 = DVec3::new(1.1, 1.3, 0.9);
+pub(crate) const STRETCH: DVec3 = DVec3::new(1.1, 1.3, 0.9);
 
 /// What a run of the program left.
 #[derive(Debug)]
-pub struct Ran {
+pub(crate) struct Ran {
     /// Exit code; `None` if a signal ended it.
     pub code: Option<i32>,
     pub stdout: String,
@@ -28,14 +28,14 @@ pub struct Ran {
 impl Ran {
     /// The run ended well.
     #[track_caller]
-    pub fn succeeds(self) -> Self {
+    pub(crate) fn succeeds(self) -> Self {
         assert_eq!(self.code, Some(0), "{}\n{}", self.stdout, self.stderr);
         self
     }
 
     /// The run ended with `code` and one paragraph on stderr that holds each of `words`.
     #[track_caller]
-    pub fn fails(self, code: i32, words: &[&str]) -> Self {
+    pub(crate) fn fails(self, code: i32, words: &[&str]) -> Self {
         assert_eq!(self.code, Some(code), "{}\n{}", self.stdout, self.stderr);
         let message = self.message();
         for word in words {
@@ -46,7 +46,7 @@ impl Ran {
 
     /// The error, which is one paragraph and ends the output.
     #[track_caller]
-    pub fn message(&self) -> &str {
+    pub(crate) fn message(&self) -> &str {
         assert!(!self.stderr.contains("panicked"), "{}", self.stderr);
         let start = self.stderr.find("barymap: ").unwrap_or_else(|| panic!("no message: {:?}", self.stderr));
         let message = self.stderr[start..].trim_end();
@@ -56,17 +56,17 @@ impl Ran {
 }
 
 /// A folder of its own for a test, removed at the end.
-pub struct Folder(tempfile::TempDir);
+pub(crate) struct Folder(tempfile::TempDir);
 
 impl Folder {
     /// An empty folder.
-    pub fn empty() -> Self {
+    pub(crate) fn empty() -> Self {
         Self(tempfile::tempdir().unwrap())
     }
 
     /// `s.obj`, `t.obj`, `s.png` and `a.json`: two spheres of different connectivity whose texture coordinates correspond, so that the
     /// transferred texture is known: it is the source's own.
-    pub fn spheres() -> Self {
+    pub(crate) fn spheres() -> Self {
         let folder = Self::empty();
         barymap::io::write_obj(&uv_sphere(1.0, 24, 16), folder.path("s.obj")).unwrap();
         barymap::io::write_obj(&stretched(30, 18), folder.path("t.obj")).unwrap();
@@ -76,7 +76,7 @@ impl Folder {
     }
 
     /// `count` anchor pairs spread over the spheres; `turn` moves the source's.
-    pub fn anchors(&self, name: &str, count: usize, turn: impl Fn(DVec3) -> DVec3) {
+    pub(crate) fn anchors(&self, name: &str, count: usize, turn: impl Fn(DVec3) -> DVec3) {
         let directions: Vec<DVec3> = directions(count).collect();
         let entry = |p: DVec3| json!({"position": [p.x, p.y, p.z]});
         let source: Vec<Value> = directions.iter().map(|&d| entry(turn(d))).collect();
@@ -85,47 +85,47 @@ impl Folder {
     }
 
     /// A path in the folder.
-    pub fn path(&self, name: &str) -> PathBuf {
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
     }
 
     /// Writes a text file.
-    pub fn write(&self, name: &str, text: &str) {
+    pub(crate) fn write(&self, name: &str, text: &str) {
         fs::write(self.path(name), text).unwrap();
     }
 
     /// Reads a text file.
-    pub fn read(&self, name: &str) -> String {
+    pub(crate) fn read(&self, name: &str) -> String {
         fs::read_to_string(self.path(name)).unwrap()
     }
 
     /// Reads bytes.
-    pub fn bytes(&self, name: &str) -> Vec<u8> {
+    pub(crate) fn bytes(&self, name: &str) -> Vec<u8> {
         fs::read(self.path(name)).unwrap()
     }
 
     /// Reads a report.
-    pub fn json(&self, name: &str) -> Value {
+    pub(crate) fn json(&self, name: &str) -> Value {
         serde_json::from_str(&self.read(name)).unwrap()
     }
 
     /// Reads a picture.
-    pub fn image(&self, name: &str) -> Image {
+    pub(crate) fn image(&self, name: &str) -> Image {
         barymap::io::read_image(self.path(name)).unwrap()
     }
 
     /// The names of everything in it.
-    pub fn names(&self) -> BTreeSet<String> {
+    pub(crate) fn names(&self) -> BTreeSet<String> {
         fs::read_dir(self.0.path()).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect()
     }
 
     /// Runs `barymap` here with the words of `command`.
-    pub fn run(&self, command: &str) -> Ran {
+    pub(crate) fn run(&self, command: &str) -> Ran {
         self.run_with(command, &[])
     }
 
     /// Runs `barymap` here with the words of `command` and environment variables.
-    pub fn run_with(&self, command: &str, environment: &[(&str, &str)]) -> Ran {
+    pub(crate) fn run_with(&self, command: &str, environment: &[(&str, &str)]) -> Ran {
         let words: Vec<&str> = command.split_whitespace().collect();
         let mut command = self.command();
         command.args(words).envs(environment.iter().copied());
@@ -133,7 +133,7 @@ impl Folder {
     }
 
     /// The program in this folder, with the cache that all tests share.
-    pub fn command(&self) -> Command {
+    pub(crate) fn command(&self) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_barymap"));
         command
             .current_dir(self.0.path())
@@ -143,7 +143,7 @@ impl Folder {
     }
 
     /// Runs a command to its end; one that takes longer than two minutes hangs.
-    pub fn finish(&self, command: &mut Command) -> Ran {
+    pub(crate) fn finish(&self, command: &mut Command) -> Ran {
         let outputs = tempfile::tempdir().unwrap();
         let file = |name: &str| File::create(outputs.path().join(name)).unwrap();
         let mut child = command.stdout(file("stdout")).stderr(file("stderr")).spawn().unwrap();
@@ -164,7 +164,7 @@ impl Folder {
 }
 
 /// The target.
-pub fn stretched(slices: usize, stacks: usize) -> Mesh {
+pub(crate) fn stretched(slices: usize, stacks: usize) -> Mesh {
     let mut mesh = uv_sphere(1.0, slices, stacks);
     for p in &mut mesh.positions {
         *p *= STRETCH;
@@ -183,7 +183,7 @@ fn directions(count: usize) -> impl Iterator<Item = DVec3> {
 }
 
 /// A smooth texture without a jump where u wraps.
-pub fn waves(size: u32) -> Image {
+pub(crate) fn waves(size: u32) -> Image {
     let at = |i: u32| TAU * (f64::from(i) + 0.5) / f64::from(size);
     let level = |x: f64| (127.5 + 100.0 * x) as u8;
     let samples = (0..size * size)
@@ -196,7 +196,7 @@ pub fn waves(size: u32) -> Image {
 }
 
 /// Mean absolute difference, 0..1, of two pictures of the same size over the texels that `coverage` calls valid.
-pub fn difference(a: &Image, b: &Image, coverage: &Image) -> f64 {
+pub(crate) fn difference(a: &Image, b: &Image, coverage: &Image) -> f64 {
     assert_eq!((a.width, a.height), (b.width, b.height));
     let (mut sum, mut count) = (0.0, 0u32);
     for y in 0..a.height {

@@ -14,6 +14,9 @@ fn data() -> PathBuf {
     std::env::var_os("BARYMAP_DATA").expect("BARYMAP_DATA names the folder of test data").into()
 }
 
+/// Vertices and a part of the warnings of a file that can be read, or a part of the message of one that cannot.
+type Expected = Result<(usize, &'static str), &'static str>;
+
 /// The manifest's rows of meshes outside `bad`: file, then V, F, C, L, G, M, UV as written.
 fn manifest() -> Vec<(PathBuf, Vec<String>)> {
     let text = std::fs::read_to_string(data().join("MANIFEST.md")).unwrap();
@@ -106,7 +109,7 @@ fn same_mesh(a: &Mesh, b: &Mesh) -> Result<(), String> {
 #[ignore = "needs BARYMAP_DATA"]
 fn bad_meshes_give_a_clear_error_or_the_right_mesh() {
     // Either a part of the message, or polygons and a part of the warnings.
-    let cases: [(&str, Result<(usize, &str), &str>); 15] = [
+    let cases: [(&str, Expected); 15] = [
         ("box_UTF16BE.obj", Err("UTF-16")),
         ("camel_nonmanifold.obj", Ok((10000, ""))),
         ("fuzz_crash.ply", Err("line 7")),
