@@ -102,7 +102,8 @@ pub fn distortion(
         stretch_all: efficiency(&list),
         stretch_best95: if kept > 0 { efficiency(&list[..kept]) } else { 0.0 },
         flipped_faces,
-        flipped_area: if mirrored { mapped - turned } else { turned } / mapped,
+        // An empty sum is -0.
+        flipped_area: if mirrored { mapped - turned } else { turned } / mapped + 0.0,
         mapped_faces: list.len(),
     }
 }
