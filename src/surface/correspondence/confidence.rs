@@ -28,8 +28,8 @@ pub struct Trust {
 }
 
 impl Default for Trust {
-    /// Measured on pairs with known truth: of the points with a residual below 0.03 none is off by more than 0.05 of the square root of the area, above 0.05 a
-    /// quarter to all of them are.
+    /// Measured on pairs with known truth and 80 to 93 anchors (`cargo bench --bench accuracy`): of the points with a residual below 0.03 none is off by more than
+    /// 0.05 of the square root of the area; of those above 0.05 a quarter to all are. With few anchors a wrong map can be smooth and consistent, and some are.
     fn default() -> Self {
         Self { residual: 0.03, round_trip: 1.0, threshold: 0.5 }
     }
