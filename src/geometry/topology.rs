@@ -1,6 +1,6 @@
 //! Who touches whom in a triangle mesh.
 
-use super::{Mesh, NONE};
+use super::{Mesh, NONE, SurfacePoint};
 
 /// Adjacency of the usable triangles of a mesh.
 ///
@@ -152,6 +152,13 @@ impl Topology {
     /// The corner (0, 1, 2) of triangle `t` that is vertex `v`.
     pub fn corner_of(&self, t: u32, v: u32) -> Option<usize> {
         self.triangles[t as usize].iter().position(|&w| w == v)
+    }
+
+    /// Vertex `v` as a corner of its lowest usable triangle; `None` if it has none.
+    pub fn vertex_point(&self, v: u32) -> Option<SurfacePoint> {
+        let &t = self.vertex_triangles(v).first()?;
+        let barycentric = self.triangles[t as usize].map(|w| if w == v { 1.0 } else { 0.0 });
+        Some(SurfacePoint::new(t, barycentric))
     }
 
     /// The neighbours of vertex `v`, in order around it where its triangles form one fan.

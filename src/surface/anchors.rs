@@ -23,14 +23,12 @@ pub fn vertex_point(mesh: &Mesh, topology: &Topology, vertex: u32, what: &str) -
             "Vertex indices start at 0 and count the v lines of the file",
         ));
     }
-    let Some(&t) = topology.vertex_triangles(vertex).first() else {
-        return Err(Error::input(
+    topology.vertex_point(vertex).ok_or_else(|| {
+        Error::input(
             format!("{what}: vertex {vertex} of {} belongs to no usable triangle", mesh.name),
             "Choose a vertex of the surface",
-        ));
-    };
-    let barycentric = topology.triangles[t as usize].map(|w| if w == vertex { 1.0 } else { 0.0 });
-    Ok(SurfacePoint::new(t, barycentric))
+        )
+    })
 }
 
 impl AnchorPairs {

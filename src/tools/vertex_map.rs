@@ -29,10 +29,9 @@ pub fn vertex_map(source: (&Mesh, &Topology), target: (&Mesh, &Topology), map: &
     let mut vertices = Vec::new();
     let mut points = Vec::new();
     for v in 0..mesh.vertex_count() as u32 {
-        if let Some(&t) = topology.vertex_triangles(v).first() {
-            let corner = topology.triangles[t as usize].map(|w| if w == v { 1.0 } else { 0.0 });
+        if let Some(point) = topology.vertex_point(v) {
             vertices.push(v as usize);
-            points.push(PackedPoint { face: t, b0: corner[0], b1: corner[1] });
+            points.push(PackedPoint::from(point));
         }
     }
     let mut found = Vec::new();

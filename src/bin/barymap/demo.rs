@@ -8,7 +8,6 @@ use barymap::raster::{Image, Pixels};
 use barymap::surface::quality::summarise;
 use barymap::surface::{AnchorPairs, EmbeddingOptions};
 use barymap::tools::render::{Coloring, RenderOptions, render, side_by_side};
-use barymap::tools::vertex_map::vertex_map;
 use barymap::{Error, Result};
 use image::RgbaImage;
 use serde_json::json;
@@ -67,9 +66,8 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         },
         outputs: &outputs,
     };
-    let (result, map, mut report) = job.run(&mut session, "demo", &mut source, &mut target)?;
+    let (result, vertices, mut report) = job.run(&mut session, "demo", &mut source, &mut target)?;
 
-    let vertices = vertex_map((&source.mesh, &source.topology), (&target.mesh, &target.topology), map.as_ref())?;
     let unit = source.mesh.area().sqrt();
     let errors: Vec<f64> = pair
         .truth

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use barymap::geometry::NONE;
 use barymap::io::gltf_write::GlbMaterial;
 use barymap::raster::Image;
-use barymap::surface::{AnchorPairs, PointMap};
+use barymap::surface::AnchorPairs;
 use barymap::tools::transfer::{Encoding, Filter, Layer, TransferOptions, TransferOutput, transfer};
-use barymap::tools::vertex_map::vertex_map;
+use barymap::tools::vertex_map::{VertexMap, vertex_map};
 use barymap::{Error, Result};
 use clap::ValueEnum;
 use serde_json::json;
@@ -229,7 +229,7 @@ impl Job<'_> {
         command: &str,
         source: &mut Surface,
         target: &mut Surface,
-    ) -> Result<(TransferOutput, Box<dyn PointMap + Send>, serde_json::Value)> {
+    ) -> Result<(TransferOutput, VertexMap, serde_json::Value)> {
         let method = self.method.method();
         let map = prepare(session, source, target, self.anchors, method, self.embedding)?;
         let vertices = vertex_map((&source.mesh, &source.topology), (&target.mesh, &target.topology), map.as_ref())?;
@@ -295,7 +295,7 @@ impl Job<'_> {
         if let (Some(report), Some(extra)) = (report.as_object_mut(), extra.as_object()) {
             report.extend(extra.clone());
         }
-        Ok((result, map, report))
+        Ok((result, vertices, report))
     }
 }
 

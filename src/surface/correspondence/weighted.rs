@@ -189,8 +189,8 @@ impl<S: Real, const D: usize> WeightedAverages<S, D> {
         let nearest = NearestVertex::new(&self.source);
         let map = &*self;
         let corner = |v: u32| {
-            let t = *target.topology.vertex_triangles(v).first()?;
-            Some((t, target.topology.triangles[t as usize].map(|w| if w == v { S::ONE } else { S::ZERO })))
+            let p = target.topology.vertex_point(v)?;
+            Some((p.face, p.barycentric.map(S::of)))
         };
         let starts = (0..target.mesh.vertex_count() as u32)
             .into_par_iter()

@@ -75,7 +75,7 @@ impl EmbeddingOptions {
     fn check(&self) -> Result<()> {
         if !(4..=MOST_LANDMARKS).contains(&self.landmarks) {
             let what = format!("{} is not between 4 and {MOST_LANDMARKS}", self.landmarks);
-            return Err(Error::option("--landmarks", what, "1000 is enough for nearly every mesh"));
+            return Err(Error::option("--landmarks", what, "2000 is enough for nearly every mesh"));
         }
         if ![4, 8, 12, 16].contains(&self.dimension) {
             let what = format!("{} is not 4, 8, 12 or 16", self.dimension);
