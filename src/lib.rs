@@ -52,6 +52,7 @@
 //!
 //! - [`mod@geometry`], meshes, adjacency, diagnosis, geodesics, simplification
 //! - [`mod@surface`], weighted averages on surfaces (Panozzo, Baran, Diamanti, Sorkine-Hornung 2013)
+//! - [`mod@mapping`], composite mean value mappings (Schneider, Hormann, Floater 2013)
 //! - [`mod@tools`], what users do: transfer, coverage, pictures
 //! - [`mod@engine`], adapters and kernels
 //! - [`mod@io`], files
@@ -61,6 +62,7 @@ pub mod engine;
 pub mod error;
 pub mod geometry;
 pub mod io;
+pub mod mapping;
 pub mod models;
 pub mod progress;
 pub mod raster;

@@ -1,0 +1,5 @@
+//! Maps between polygons in the plane.
+
+mod frame;
+
+pub use frame::Frame;
