@@ -1,5 +1,7 @@
 //! Maps between polygons in the plane.
 
 mod frame;
+mod minimum;
 
 pub use frame::Frame;
+pub use minimum::{Minimum, MinimumKind, SampleOptions};
