@@ -1,6 +1,13 @@
 //! Maps between polygons in the plane.
 
+mod bounds;
+mod cage;
+mod composite;
+#[cfg(test)]
+mod composite_tests;
 mod frame;
+mod gradients;
+mod inverse;
 mod jacobian_min;
 #[cfg(test)]
 mod jacobian_min_tests;
@@ -8,6 +15,8 @@ mod lattice;
 mod mean_value;
 mod minimum;
 mod outline;
+pub mod partition;
+pub mod path;
 mod preimage;
 mod samples;
 mod step;
@@ -18,9 +27,14 @@ mod testing;
 mod vertex_limit;
 mod wachspress;
 
+pub use bounds::{LEMMA_2, StepBound, SufficientBound, sufficient_bound};
+pub use cage::{Cage, MAX_VERTICES};
+pub use composite::{CompositeMap, Mapped};
 pub use frame::Frame;
 pub use jacobian_min::{MOST_RESOLUTION, jacobian_min};
 pub use lattice::{Lattice, LatticeOptions};
 pub use minimum::{Minimum, MinimumKind, SampleOptions};
+pub use partition::{Partition, PartitionKind, PartitionOptions, StepReport, partition_with};
+pub use path::{PathKind, VertexPath};
 pub use preimage::Preimages;
 pub use step::{Branch, Coordinates, Evaluation, Step, coordinates};
