@@ -5,6 +5,7 @@ mod jacobian_min;
 #[cfg(test)]
 mod jacobian_min_tests;
 mod lattice;
+mod map_points;
 mod mean_value;
 mod minimum;
 mod outline;
@@ -13,6 +14,9 @@ mod samples;
 mod step;
 #[cfg(test)]
 mod step_tests;
+mod sweep;
+#[cfg(test)]
+mod sweep_tests;
 #[cfg(test)]
 mod testing;
 mod vertex_limit;
@@ -21,6 +25,7 @@ mod wachspress;
 pub use frame::Frame;
 pub use jacobian_min::{MOST_RESOLUTION, jacobian_min};
 pub use lattice::{Lattice, LatticeOptions};
+pub use map_points::{map_points, map_points_on_cpu, map_points_with_derivatives};
 pub use minimum::{Minimum, MinimumKind, SampleOptions};
 pub use preimage::Preimages;
 pub use step::{Branch, Coordinates, Evaluation, Step, coordinates};
