@@ -12,6 +12,7 @@ mod jacobian_min;
 #[cfg(test)]
 mod jacobian_min_tests;
 mod lattice;
+mod map_points;
 mod mean_value;
 mod minimum;
 mod outline;
@@ -22,6 +23,9 @@ mod samples;
 mod step;
 #[cfg(test)]
 mod step_tests;
+mod sweep;
+#[cfg(test)]
+mod sweep_tests;
 #[cfg(test)]
 mod testing;
 mod vertex_limit;
@@ -33,6 +37,7 @@ pub use composite::{CompositeMap, Mapped};
 pub use frame::Frame;
 pub use jacobian_min::{MOST_RESOLUTION, jacobian_min};
 pub use lattice::{Lattice, LatticeOptions};
+pub use map_points::{map_points, map_points_on_cpu, map_points_with_derivatives};
 pub use minimum::{Minimum, MinimumKind, SampleOptions};
 pub use partition::{Partition, PartitionKind, PartitionOptions, StepReport, partition_with};
 pub use path::{PathKind, VertexPath};

@@ -42,6 +42,17 @@ impl<R: Real> Outline<R> {
         Self { vertices, images, displacements, loops }
     }
 
+    /// The same in another precision.
+    pub(super) fn cast<T: Real>(&self) -> Outline<T> {
+        let all = |list: &[[R; 2]]| list.iter().map(|v| v.map(|x| T::of(x.to_f64()))).collect();
+        Outline {
+            vertices: all(&self.vertices),
+            images: all(&self.images),
+            displacements: all(&self.displacements),
+            loops: self.loops.clone(),
+        }
+    }
+
     /// Number of vertices.
     pub(super) fn len(&self) -> usize {
         self.vertices.len()

@@ -98,6 +98,11 @@ impl<R: Real> Step<R> {
         Self { coordinates, outline: Outline::new(from, to, scale) }
     }
 
+    /// The same step in another precision.
+    pub fn cast<T: Real>(&self) -> Step<T> {
+        Step { coordinates: self.coordinates, outline: self.outline.cast() }
+    }
+
     /// The image of `p`.
     pub fn map(&self, p: [R; 2]) -> [R; 2] {
         let outline = &self.outline;
