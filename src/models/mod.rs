@@ -10,6 +10,7 @@ mod cast;
 mod character;
 mod paint;
 mod pair;
+pub mod polygons;
 mod sampling;
 pub mod shapes;
 mod subdivision;

@@ -4,13 +4,32 @@ mod bounds;
 mod cage;
 mod frame;
 mod gradients;
+mod jacobian_min;
+#[cfg(test)]
+mod jacobian_min_tests;
+mod lattice;
+mod mean_value;
 mod minimum;
+mod outline;
 pub mod partition;
 pub mod path;
+mod preimage;
+mod samples;
+mod step;
+#[cfg(test)]
+mod step_tests;
+#[cfg(test)]
+mod testing;
+mod vertex_limit;
+mod wachspress;
 
 pub use bounds::{LEMMA_2, StepBound, SufficientBound, sufficient_bound};
 pub use cage::{Cage, MAX_VERTICES};
 pub use frame::Frame;
+pub use jacobian_min::{MOST_RESOLUTION, jacobian_min};
+pub use lattice::{Lattice, LatticeOptions};
 pub use minimum::{Minimum, MinimumKind, SampleOptions};
-pub use partition::{Partition, PartitionKind, PartitionOptions, StepReport, partition_with};
+pub use partition::{Partition, PartitionKind, PartitionOptions, StepReport, partition, partition_with};
 pub use path::{PathKind, VertexPath};
+pub use preimage::Preimages;
+pub use step::{Branch, Coordinates, Evaluation, Step, coordinates};

@@ -209,10 +209,22 @@ mod tests {
     fn convex_polygons_stay_convex() {
         // The two hexagons of the mean value mapping that folds although both are convex.
         let ring = |points: [(f64, f64); 6]| points.map(|(x, y)| DVec2::new(x, y)).to_vec();
-        let source =
-            ring([(-0.918, -0.202), (-0.560, -0.736), (-0.425, -0.875), (-0.322, -0.979), (0.867, 0.708), (0.775, 0.807)]);
-        let target =
-            ring([(-0.346, 1.046), (-0.721, -0.058), (0.690, -0.668), (0.714, -0.678), (0.666, -0.596), (-0.285, 1.006)]);
+        let source = ring([
+            (-0.918, -0.202),
+            (-0.560, -0.736),
+            (-0.425, -0.875),
+            (-0.322, -0.979),
+            (0.867, 0.708),
+            (0.775, 0.807),
+        ]);
+        let target = ring([
+            (-0.346, 1.046),
+            (-0.721, -0.058),
+            (0.690, -0.668),
+            (0.714, -0.678),
+            (0.666, -0.596),
+            (-0.285, 1.006),
+        ]);
         let path = path(source, target);
         for k in 0..=64 {
             let polygon = path.polygon(k as f64 / 64.0).unwrap();
