@@ -8,7 +8,8 @@ use rayon::prelude::*;
 
 use crate::geometry::{Polygon, Side};
 
-use super::gradients;
+use super::Coordinates;
+use super::gradients::gradients;
 
 /// `M d < (sqrt 5 - 1) / 2` makes a step injective (Lemma 2).
 pub const LEMMA_2: f64 = 0.618_033_988_749_894_8;
@@ -71,14 +72,14 @@ fn samples(polygon: &Polygon, side: usize, corners: usize) -> Vec<DVec2> {
 }
 
 /// Largest gradient of every coordinate over samples of `polygon`.
-fn largest_gradients(polygon: &Polygon, side: usize, corners: usize) -> Vec<f64> {
+fn largest_gradients(coordinates: Coordinates, polygon: &Polygon, side: usize, corners: usize) -> Vec<f64> {
     let n = polygon.vertex_count();
     let none = || vec![0.0_f64; n];
     // The maximum does not depend on the order it is taken in.
     samples(polygon, side, corners)
         .into_par_iter()
         .fold(none, |mut largest, p| {
-            for (m, g) in largest.iter_mut().zip(gradients::mean_value(polygon, p)) {
+            for (m, g) in largest.iter_mut().zip(gradients(coordinates, polygon, p)) {
                 *m = m.max(g.length());
             }
             largest
@@ -86,15 +87,16 @@ fn largest_gradients(polygon: &Polygon, side: usize, corners: usize) -> Vec<f64>
         .reduce(none, |a, b| a.into_iter().zip(b).map(|(a, b)| a.max(b)).collect())
 }
 
-/// The sufficient conditions on the steps between successive `polygons`, for mean value coordinates.
-pub fn sufficient_bound(polygons: &[Polygon]) -> SufficientBound {
+/// The sufficient conditions on the steps between successive `polygons`, sampled.
+pub fn sufficient_bound(coordinates: Coordinates, polygons: &[Polygon]) -> SufficientBound {
     let n = polygons.first().map_or(0, Polygon::vertex_count);
     let points = BUDGET / (n * polygons.len()).max(1);
     let (side, corners) = (((points as f64 / 2.0).sqrt() as usize).clamp(4, RASTER), (points / 6).clamp(1, n.max(1)));
-    let gradients: Vec<Vec<f64>> = polygons.iter().map(|polygon| largest_gradients(polygon, side, corners)).collect();
+    let largest: Vec<Vec<f64>> =
+        polygons.iter().map(|polygon| largest_gradients(coordinates, polygon, side, corners)).collect();
     let steps: Vec<StepBound> = polygons
         .windows(2)
-        .zip(&gradients)
+        .zip(&largest)
         .map(|(pair, largest)| {
             let moves: Vec<f64> = pair[0].vertices().zip(pair[1].vertices()).map(|(a, b)| (b - a).length()).collect();
             let displacement = moves.iter().copied().fold(0.0, f64::max);
@@ -106,7 +108,7 @@ pub fn sufficient_bound(polygons: &[Polygon]) -> SufficientBound {
             StepBound { displacement, lemma_2: largest.iter().sum::<f64>() * displacement, lemma_1 }
         })
         .collect();
-    let gradient = gradients.iter().flatten().copied().fold(0.0, f64::max);
+    let gradient = largest.iter().flatten().copied().fold(0.0, f64::max);
     SufficientBound {
         gradient,
         displacement: steps.iter().map(|step| step.displacement).fold(0.0, f64::max),

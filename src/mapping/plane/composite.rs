@@ -38,6 +38,8 @@ pub struct CompositeMap {
     single: Vec<Step<f32>>,
     /// Step `k` from polygon `k + 1` back to polygon `k`.
     reversed: Vec<Step<f64>>,
+    /// The composite through the reversed polygons in single precision, in the order of its steps.
+    backward: Vec<Step<f32>>,
 }
 
 impl CompositeMap {
@@ -63,8 +65,9 @@ impl CompositeMap {
         let pairs = polygons.windows(2);
         let steps = pairs.clone().map(|p| Step::new(coordinates, &p[0], &p[1], scale)).collect();
         let reversed = pairs.clone().map(|p| Step::new(coordinates, &p[1], &p[0], scale)).collect();
+        let backward = pairs.clone().rev().map(|p| Step::new(coordinates, &p[1], &p[0], scale)).collect();
         let single = pairs.map(|p| Step::new(coordinates, &p[0], &p[1], scale)).collect();
-        Ok(Self { coordinates, polygons, scale, steps, single, reversed })
+        Ok(Self { coordinates, polygons, scale, steps, single, reversed, backward })
     }
 
     /// The polygon that points come from.
@@ -105,6 +108,11 @@ impl CompositeMap {
     /// The steps through the same pairs of polygons in reverse; element `k` approximates the inverse of step `k`.
     pub(super) fn reversed_steps(&self) -> &[Step<f64>] {
         &self.reversed
+    }
+
+    /// The steps of [`CompositeMap::backward`] in single precision.
+    pub(super) fn backward_steps(&self) -> &[Step<f32>] {
+        &self.backward
     }
 
     /// The steps in single precision.

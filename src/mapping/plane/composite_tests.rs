@@ -4,6 +4,7 @@ use glam::DVec2;
 
 use super::composite::CompositeMap;
 use super::step::Coordinates;
+use crate::engine::Engine;
 use crate::geometry::Polygon;
 use crate::models::polygons::{PolygonPair, inverted_star, nested_squares, square_corner, twisted_star};
 
@@ -90,6 +91,50 @@ fn inverses_are_exact_inside() {
         }
         for (v, w) in map.source().vertices().zip(map.target().vertices()) {
             assert!((map.inverse(w).unwrap().point - v).length() < 1e-12, "vertex {w}");
+        }
+    }
+}
+
+#[test]
+fn pre_images_of_many_points_are_exact_to_the_stated_tolerance() {
+    let knots = [0.0, 0.5, 0.75, 0.875, 1.0];
+    for pair in [inverted_star(), twisted_star(), square_corner(0.6)] {
+        // Far from the origin and large, as pixels can be.
+        let moved = |p: &Polygon| {
+            let place = |v: &DVec2| *v * 700.0 + DVec2::new(9000.0, -500.0);
+            Polygon::from_loops(p.loops().iter().map(|l| l.iter().map(place).collect()).collect())
+        };
+        let map = linear(&PolygonPair { source: moved(&pair.source), target: moved(&pair.target) }, &knots);
+        let size = map.source().size().max(map.target().size());
+        let mut q = inside(map.target(), 3000);
+        q.extend(map.target().vertices());
+        for engine in [Engine::cpu(), Engine::reference()] {
+            let near: Vec<DVec2> = q.iter().map(|q| map.inverse(*q).unwrap().point + DVec2::new(0.3, -0.2)).collect();
+            for guess in [None, Some(&near[..])] {
+                let found = map.inverse_points(&engine, &q, guess).unwrap();
+                for (q, p) in q.iter().zip(&found) {
+                    let p = p.unwrap_or_else(|| panic!("no pre-image of {q}"));
+                    let truth = map.forward(p.point);
+                    assert!((truth.point - *q).length() <= 4.8e-7 * size, "{q}: {}", (truth.point - *q).length());
+                }
+            }
+        }
+        let odd = [DVec2::NAN, DVec2::INFINITY, DVec2::splat(1e300)];
+        assert!(map.inverse_points(&Engine::cpu(), &odd, None).unwrap()[..2].iter().all(Option::is_none));
+        assert!(map.inverse_points(&Engine::cpu(), &q, Some(&odd)).is_err(), "three guesses for many points");
+    }
+}
+
+#[test]
+fn images_of_many_points_are_those_of_single_ones() {
+    let map = uniform(&twisted_star(), 9);
+    let p = inside(map.source(), 500);
+    for (engine, tolerance) in [(Engine::cpu(), 1e-6), (Engine::reference(), 1e-13)] {
+        for (p, found) in p.iter().zip(map.forward_points(&engine, &p).unwrap()) {
+            let truth = map.forward(*p);
+            assert!((truth.point - found.point).length() < tolerance);
+            // Products of nine derivatives of a few roundings each.
+            assert!((truth.jacobian() - found.jacobian()).abs() < 100.0 * tolerance * truth.jacobian().abs().max(1.0));
         }
     }
 }

@@ -8,6 +8,7 @@ mod composite_tests;
 mod frame;
 mod gradients;
 mod inverse;
+mod inverse_points;
 mod jacobian_min;
 #[cfg(test)]
 mod jacobian_min_tests;
@@ -39,7 +40,7 @@ pub use jacobian_min::{MOST_RESOLUTION, jacobian_min};
 pub use lattice::{Lattice, LatticeOptions};
 pub use map_points::{map_points, map_points_on_cpu, map_points_with_derivatives};
 pub use minimum::{Minimum, MinimumKind, SampleOptions};
-pub use partition::{Partition, PartitionKind, PartitionOptions, StepReport, partition_with};
+pub use partition::{Partition, PartitionKind, PartitionOptions, StepReport, partition, partition_with};
 pub use path::{PathKind, VertexPath};
 pub use preimage::Preimages;
 pub use step::{Branch, Coordinates, Evaluation, Step, coordinates};

@@ -2,16 +2,19 @@
 
 mod steps;
 mod strategy;
+#[cfg(test)]
+mod tests;
 
+use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::geometry::Polygon;
 use crate::progress::Progress;
 
 use super::bounds::{SufficientBound, sufficient_bound};
 use super::path::{Intrinsic, Linear, PathKind, VertexPath};
-use super::{Cage, Minimum, SampleOptions};
+use super::{Cage, Coordinates, Minimum, SampleOptions, jacobian_min};
 pub use steps::Evaluate;
-use steps::Steps;
+use steps::{Found, Steps};
 
 /// Vertices of all polygons of a partition, at most: bounds the memory of `uniform:M` and of small `eps`.
 const MAX_VERTICES: u64 = 1 << 24;
@@ -44,11 +47,19 @@ pub struct PartitionOptions {
     pub eps: f64,
     /// How finely the minimum of the Jacobian is searched for.
     pub samples: SampleOptions,
+    /// The coordinates the steps are made of; every polygon has to have them.
+    pub coordinates: Coordinates,
 }
 
 impl Default for PartitionOptions {
     fn default() -> Self {
-        Self { kind: PartitionKind::Binary, path: PathKind::Intrinsic, eps: 0.01, samples: SampleOptions::default() }
+        Self {
+            kind: PartitionKind::Binary,
+            path: PathKind::Intrinsic,
+            eps: 0.01,
+            samples: SampleOptions::default(),
+            coordinates: Coordinates::default(),
+        }
     }
 }
 
@@ -78,8 +89,8 @@ pub struct Partition {
     pub notes: Vec<String>,
     /// Whether a step folds, as far as was sampled. Such steps are the ones whose minimum is not positive.
     pub folds: bool,
-    /// The sufficient conditions of the paper, sampled; `None` for coordinates whose gradients are not at hand.
-    pub sufficient_bound: Option<SufficientBound>,
+    /// The sufficient conditions of the paper, sampled.
+    pub sufficient_bound: SufficientBound,
 }
 
 /// Why a path did not lead to a partition.
@@ -88,6 +99,21 @@ enum Stop {
     Path(Error),
     /// Something that no other path mends.
     Fault(Error),
+}
+
+/// Finds the steps of a map between the polygons of `cage`; see [`partition_with`].
+///
+/// # Errors
+/// As [`partition_with`] and [`jacobian_min`].
+pub fn partition(
+    engine: &Engine,
+    cage: &Cage,
+    options: &PartitionOptions,
+    progress: &dyn Progress,
+) -> Result<Partition> {
+    let mut evaluate =
+        |pairs: &[(Polygon, Polygon)]| jacobian_min(engine, options.coordinates, pairs, &options.samples);
+    partition_with(&mut evaluate, cage, options, progress)
 }
 
 /// Finds the steps, asking `evaluate` for the smallest Jacobian of pairs of polygons: all intervals of one refinement depth in
@@ -108,10 +134,12 @@ pub fn partition_with(
     progress: &dyn Progress,
 ) -> Result<Partition> {
     check_options(cage, options)?;
+    options.coordinates.check(&cage.source)?;
+    options.coordinates.check(&cage.target)?;
     let nesting =
         cage.source.nesting().map_err(|defect| Error::input(defect.to_string(), "Make the cage by Cage::new"))?;
     let mut notes = Vec::new();
-    let mut folded: Option<Partition> = None;
+    let mut folded: Option<Found> = None;
     let order = [PathKind::Intrinsic, PathKind::Linear];
     for kind in order.into_iter().skip_while(|&kind| kind != options.path) {
         let path: Box<dyn VertexPath> = match kind {
@@ -119,11 +147,13 @@ pub fn partition_with(
             _ => Box::new(Intrinsic::new(cage)),
         };
         progress.stage(&format!("partition along the {} path", kind.name()), 0);
-        let mut steps = Steps::new(path.as_ref(), &nesting, evaluate, progress);
+        let mut steps = Steps::new(path.as_ref(), &nesting, options.coordinates, evaluate, progress);
         match steps.partition(options) {
-            Ok(found) if !found.folds || matches!(options.kind, PartitionKind::Direct | PartitionKind::Uniform(_)) => {
+            Ok(found)
+                if !found.folds() || matches!(options.kind, PartitionKind::Direct | PartitionKind::Uniform(_)) =>
+            {
                 notes.extend(note_of(&notes, kind));
-                return Ok(finish(found, notes));
+                return Ok(finish(found, notes, options.coordinates));
             }
             Ok(found) => {
                 notes.push(describe_fold(&found));
@@ -136,7 +166,7 @@ pub fn partition_with(
     match folded {
         Some(found) => {
             notes.push(format!("no path avoids folds at eps = {}; the {} one is kept", options.eps, found.path.name()));
-            Ok(finish(found, notes))
+            Ok(finish(found, notes, options.coordinates))
         }
         None => Err(Error::numeric(
             format!("no path leads from source to target without self-intersections: {}", notes.join("; ")),
@@ -158,7 +188,7 @@ fn what_of(error: &Error) -> String {
     }
 }
 
-fn describe_fold(partition: &Partition) -> String {
+fn describe_fold(partition: &Found) -> String {
     let folding: Vec<&StepReport> = partition.steps.iter().filter(|step| !step.minimum.positive()).collect();
     folding.first().map_or_else(String::new, |step| {
         format!(
@@ -176,10 +206,16 @@ fn describe_fold(partition: &Partition) -> String {
 }
 
 /// With the notes, and the bounds of the paper on what was found.
-fn finish(mut partition: Partition, notes: Vec<String>) -> Partition {
-    partition.notes = notes;
-    partition.sufficient_bound = Some(sufficient_bound(&partition.polygons));
-    partition
+fn finish(found: Found, notes: Vec<String>, coordinates: Coordinates) -> Partition {
+    Partition {
+        sufficient_bound: sufficient_bound(coordinates, &found.polygons),
+        folds: found.folds(),
+        polygons: found.polygons,
+        knots: found.knots,
+        steps: found.steps,
+        path: found.path,
+        notes,
+    }
 }
 
 fn check_options(cage: &Cage, options: &PartitionOptions) -> Result<()> {

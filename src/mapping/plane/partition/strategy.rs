@@ -2,8 +2,8 @@
 
 use crate::mapping::plane::Minimum;
 
-use super::steps::Steps;
-use super::{Partition, PartitionKind, PartitionOptions, Stop};
+use super::steps::{Found, Steps};
+use super::{PartitionKind, PartitionOptions, Stop};
 
 /// Jacobians from here on need no extra knot in a continuous partition; 1 would be the identity's, 0.5 takes far fewer steps.
 const CALM: f64 = 0.5;
@@ -34,7 +34,7 @@ struct Node {
 
 impl Steps<'_, '_> {
     /// The partition `options` ask for along this path.
-    pub(super) fn partition(&mut self, options: &PartitionOptions) -> Result<Partition, Stop> {
+    pub(super) fn partition(&mut self, options: &PartitionOptions) -> Result<Found, Stop> {
         match options.kind {
             PartitionKind::Direct => self.at_knots(uniform(1)),
             PartitionKind::Uniform(m) => self.at_knots(uniform(u64::from(m))),
@@ -53,13 +53,13 @@ impl Steps<'_, '_> {
     }
 
     /// Section 3.1: twice as many equal steps until none folds or they are no longer than `eps`.
-    fn doubled(&mut self, eps: f64) -> Result<Partition, Stop> {
+    fn doubled(&mut self, eps: f64) -> Result<Found, Stop> {
         let mut m = 1;
         loop {
             match self.at_knots(uniform(m)) {
                 // A polygon that intersects itself may be one that a finer partition uses as well: knots stay knots.
                 Err(stop) => return Err(stop),
-                Ok(found) if !found.folds || 1.0 / m as f64 <= eps => return Ok(found),
+                Ok(found) if !found.folds() || 1.0 / m as f64 <= eps => return Ok(found),
                 Ok(_) => m *= 2,
             }
         }
