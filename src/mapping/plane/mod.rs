@@ -2,6 +2,7 @@
 
 mod bounds;
 mod cage;
+pub mod certificate;
 mod composite;
 #[cfg(test)]
 mod composite_tests;
@@ -34,6 +35,7 @@ mod wachspress;
 
 pub use bounds::{LEMMA_2, StepBound, SufficientBound, sufficient_bound};
 pub use cage::{Cage, MAX_VERTICES};
+pub use certificate::{CertifyOptions, Verdict, certify};
 pub use composite::{CompositeMap, Mapped};
 pub use frame::Frame;
 pub use jacobian_min::{MOST_RESOLUTION, jacobian_min};

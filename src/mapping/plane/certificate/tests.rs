@@ -1,0 +1,1 @@
+//! Properties of the certificate as a whole.
