@@ -15,7 +15,7 @@ pub fn linear_to_srgb(x: f32) -> f32 {
 }
 
 /// A depth of samples.
-pub(super) trait Sample: Copy + Default + Send + Sync + 'static {
+pub(crate) trait Sample: Copy + Default + Send + Sync + 'static {
     /// The value to average: in 0..1 for integers; light if `light`.
     fn decode(self, light: bool) -> f32;
     /// The nearest sample to a value.
