@@ -312,7 +312,10 @@ mod tests {
         assert_eq!(back.shapes(), shapes);
         // New vertices have heights between the others', and rings stay closed.
         there.replace(&moved(&there.shapes(), DVec2::ZERO, true));
-        assert_eq!(there.root["features"][3]["geometry"]["coordinates"], json!([[11.0, 2.5, 10], [12.0, 3.5, 15.0], [13.0, 4.5, 20]]));
+        assert_eq!(
+            there.root["features"][3]["geometry"]["coordinates"],
+            json!([[11.0, 2.5, 10], [12.0, 3.5, 15.0], [13.0, 4.5, 20]])
+        );
         let ring = there.root["features"][5]["geometry"]["coordinates"][0].as_array().unwrap();
         assert_eq!((ring.len(), &ring[0]), (7, &ring[6]));
         // Without an image a feature loses its geometry, a collection the member.
@@ -343,7 +346,10 @@ mod tests {
             (r#"{"type":"Point","coordinates":7}"#, "7"),
             (r#"{"type":"LineString","coordinates":[[1,2],"x"]}"#, "x"),
             (r#"{"type":"Polygon","coordinates":[[1,2],[3,4]]}"#, "1 is no position"),
-            (r#"{"type":"FeatureCollection","features":[{"type":"Feature","geometry":null},{"type":"Feature","geometry":{"type":"Point","coordinates":["a","b"]}}]}"#, "feature 1"),
+            (
+                r#"{"type":"FeatureCollection","features":[{"type":"Feature","geometry":null},{"type":"Feature","geometry":{"type":"Point","coordinates":["a","b"]}}]}"#,
+                "feature 1",
+            ),
             (r#"{"type":"FeatureCollection"}"#, "features"),
         ] {
             let message = GeoJson::parse(text, "a.geojson").unwrap_err().to_string();

@@ -74,7 +74,8 @@ impl Svg {
                 Error::format(name, line, format!("this is not XML: {e}"), "Give an SVG document")
             })?;
             if document.root_element().tag_name().name() != "svg" {
-                let what = format!("the document is {:?}, not svg", shortened(document.root_element().tag_name().name()));
+                let what =
+                    format!("the document is {:?}, not svg", shortened(document.root_element().tag_name().name()));
                 return Err(Error::format(name, None, what, "Give an SVG document"));
             }
             let fail = |node: Node<'_, '_>, what: String| {
@@ -86,7 +87,11 @@ impl Svg {
             let (mut elsewhere, mut lengths) = (0, 0);
             for node in document.descendants().filter(Node::is_element) {
                 let Some(kind) = Kind::of(node) else { continue };
-                if node.ancestors().skip(1).any(|a| a.parent_element().is_some() && ELSEWHERE.contains(&a.tag_name().name())) {
+                if node
+                    .ancestors()
+                    .skip(1)
+                    .any(|a| a.parent_element().is_some() && ELSEWHERE.contains(&a.tag_name().name()))
+                {
                     elsewhere += 1;
                     continue;
                 }
@@ -98,7 +103,9 @@ impl Svg {
             }
             let mut warnings = Vec::new();
             if elsewhere > 0 {
-                warnings.push(format!("{elsewhere} outlines inside definitions, symbols or inner drawings stay as they are"));
+                warnings.push(format!(
+                    "{elsewhere} outlines inside definitions, symbols or inner drawings stay as they are"
+                ));
             }
             if lengths > 0 {
                 warnings.push(format!("{lengths} shapes whose lengths have units or per cents, or whose transform flattens, stay as they are"));
@@ -346,7 +353,8 @@ fn transform(node: Node<'_, '_>) -> std::result::Result<(DMat2, DVec2), String> 
 /// The text between the quotes of an attribute.
 fn value_range(text: &str, attribute: &Attribute<'_, '_>) -> std::result::Result<Range<usize>, String> {
     let range = attribute.range_value();
-    let quote = |at: Option<usize>| at.and_then(|at| text.as_bytes().get(at)).is_some_and(|b| matches!(b, b'"' | b'\''));
+    let quote =
+        |at: Option<usize>| at.and_then(|at| text.as_bytes().get(at)).is_some_and(|b| matches!(b, b'"' | b'\''));
     let whole = range.start <= range.end && quote(range.start.checked_sub(1)) && quote(Some(range.end));
     if whole { Ok(range) } else { Err(format!("the attribute {} is written in an unusual way", attribute.name())) }
 }

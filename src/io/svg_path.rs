@@ -143,7 +143,12 @@ pub(super) fn write_path(parts: &[Vec<Vertex>], closed: &[bool], decimals: usize
         for (k, vertex) in part[..count].iter().enumerate() {
             let command = if k == 0 { "M" } else { "L" };
             let space = if data.is_empty() { "" } else { " " };
-            let _ = write!(data, "{space}{command}{} {}", number(vertex.point.x, decimals), number(vertex.point.y, decimals));
+            let _ = write!(
+                data,
+                "{space}{command}{} {}",
+                number(vertex.point.x, decimals),
+                number(vertex.point.y, decimals)
+            );
         }
         if *closed {
             data.push('Z');
@@ -155,7 +160,8 @@ pub(super) fn write_path(parts: &[Vec<Vertex>], closed: &[bool], decimals: usize
 /// `points` of a mapped part.
 pub(super) fn write_points(part: &[Vertex], closed: bool, decimals: usize) -> String {
     let count = part.len() - usize::from(closed && part.len() > 1);
-    let pairs = part[..count].iter().map(|v| format!("{},{}", number(v.point.x, decimals), number(v.point.y, decimals)));
+    let pairs =
+        part[..count].iter().map(|v| format!("{},{}", number(v.point.x, decimals), number(v.point.y, decimals)));
     pairs.collect::<Vec<_>>().join(" ")
 }
 
@@ -174,7 +180,10 @@ mod tests {
 
     fn ends(parts: &[Part]) -> Vec<Vec<(f64, f64)>> {
         let pair = |p: DVec2| (p.x, p.y);
-        parts.iter().map(|p| std::iter::once(p.start).chain(p.segments.iter().map(Segment::end)).map(pair).collect()).collect()
+        parts
+            .iter()
+            .map(|p| std::iter::once(p.start).chain(p.segments.iter().map(Segment::end)).map(pair).collect())
+            .collect()
     }
 
     #[test]
@@ -201,14 +210,23 @@ mod tests {
             }
         }
         let parts = parse_path("M0 0 L1 0 L1 1 Z L5 5 M2 2 L3 3").unwrap();
-        assert_eq!(ends(&parts), [vec![(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 0.0)], vec![(0.0, 0.0), (5.0, 5.0)], vec![(2.0, 2.0), (3.0, 3.0)]]);
+        assert_eq!(
+            ends(&parts),
+            [
+                vec![(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 0.0)],
+                vec![(0.0, 0.0), (5.0, 5.0)],
+                vec![(2.0, 2.0), (3.0, 3.0)]
+            ]
+        );
         assert_eq!(parts.iter().map(|p| p.closed).collect::<Vec<_>>(), [true, false, false]);
     }
 
     #[test]
     fn arcs_are_round() {
         // Half a circle about (5, 0), either way, and one whose radius is too small and grows.
-        for (data, side) in [("M0 0 A5 5 0 0 1 10 0", -1.0), ("M0 0 A5 5 0 0 0 10 0", 1.0), ("M0 0 A1 1 0 0 1 10 0", -1.0)] {
+        for (data, side) in
+            [("M0 0 A5 5 0 0 1 10 0", -1.0), ("M0 0 A5 5 0 0 0 10 0", 1.0), ("M0 0 A1 1 0 0 1 10 0", -1.0)]
+        {
             let part = &parse_path(data).unwrap()[0];
             for k in 1..8 {
                 let p = part.segments[0].at(part.start, f64::from(k) / 8.0);

@@ -9,7 +9,8 @@ fn mapped(shapes: &[Shape], map: impl Fn(DVec2) -> DVec2) -> Vec<Option<MappedSh
         let mut vertices = vec![Vertex { point: map(part.start), from: (0, 0.0) }];
         let mut at = part.start;
         for (i, s) in part.segments.iter().enumerate() {
-            vertices.extend((1..=4).map(|k| f64::from(k) / 4.0).map(|t| Vertex { point: map(s.at(at, t)), from: (i, t) }));
+            vertices
+                .extend((1..=4).map(|k| f64::from(k) / 4.0).map(|t| Vertex { point: map(s.at(at, t)), from: (i, t) }));
             at = s.end();
         }
         vertices
@@ -44,7 +45,9 @@ fn outlines_move_and_every_other_byte_stays() {
     let text = svg.replaced(&mapped(&shapes, |p| p + DVec2::new(10.0, 0.0)));
     assert!(text.contains(r#"class='c' d="M5 0 L5.25 0"#), "{text}");
     assert!(text.contains(r#"k:keep="&lt;""#) && text.contains("<!-- note -->") && text.contains("<text>hi</text>"));
-    assert!(text.contains(r#"<defs><path d="M0 0L9 9"/></defs>"#) && text.contains(r#"<rect width="10%" height="1"/>"#));
+    assert!(
+        text.contains(r#"<defs><path d="M0 0L9 9"/></defs>"#) && text.contains(r#"<rect width="10%" height="1"/>"#)
+    );
     assert!(text.contains(r#"<path d="M11 0 L12 0 L13 0 L14 0 L15 0" fill="none"  stroke="red" />"#), "{text}");
     assert_eq!((text.matches("</rect>").count(), text.matches("</path>").count()), (0, 1));
     // What is written is read, and lies where it should.
@@ -62,7 +65,9 @@ fn outlines_move_and_every_other_byte_stays() {
     let back = Svg::parse(again.replaced(&mapped(&there, |p| p - DVec2::new(10.0, 0.0))), "d").unwrap();
     assert!(back.shapes()[0].parts[0].start.distance(shapes[0].parts[0].start) < 1e-8);
     let none = svg.replaced(&vec![None; shapes.len()]);
-    assert!(none.contains(r#"<path id="a" class='c' d="" style="#) && Svg::parse(none, "d").unwrap().shapes().is_empty());
+    assert!(
+        none.contains(r#"<path id="a" class='c' d="" style="#) && Svg::parse(none, "d").unwrap().shapes().is_empty()
+    );
 }
 
 #[test]
@@ -98,10 +103,16 @@ fn mistakes_name_the_line() {
     }
     let flat = Svg::parse("<svg><path transform='scale(0)' d='M0 0L1 1'/></svg>".into(), "d").unwrap();
     assert!(flat.shapes().is_empty() && flat.warnings().len() == 1);
-    let bomb = format!("<!DOCTYPE svg [<!ENTITY a \"{}\">{}]><svg><path d='&j;'/></svg>", "M0 0 ".repeat(10), ('b'..='j').map(|c| {
-        let before = char::from(c as u8 - 1);
-        format!("<!ENTITY {c} \"{}\">", format!("&{before};").repeat(10))
-    }).collect::<String>());
+    let bomb = format!(
+        "<!DOCTYPE svg [<!ENTITY a \"{}\">{}]><svg><path d='&j;'/></svg>",
+        "M0 0 ".repeat(10),
+        ('b'..='j')
+            .map(|c| {
+                let before = char::from(c as u8 - 1);
+                format!("<!ENTITY {c} \"{}\">", format!("&{before};").repeat(10))
+            })
+            .collect::<String>()
+    );
     assert!(Svg::parse(bomb, "d").is_err());
 }
 

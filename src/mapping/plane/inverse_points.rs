@@ -51,6 +51,22 @@ impl CompositeMap {
         Ok(at.into_iter().zip(derivatives).map(mapped).collect())
     }
 
+    /// The images of many points without derivatives: [`CompositeMap::forward_points`] at half the cost.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the device fails.
+    pub fn images_of_points(&self, engine: &Engine, points: &[DVec2]) -> Result<Vec<DVec2>> {
+        let (first, last) = (self.frame(0), self.frame(self.step_count()));
+        if engine.backend() == Backend::Reference {
+            let mut at: Vec<[f64; 2]> = points.iter().map(|p| first.local(*p)).collect();
+            map_points_on_cpu(Lanes::detect(), self.steps(), &mut at, None);
+            return Ok(at.into_iter().map(|p| last.world(p)).collect());
+        }
+        let mut at: Vec<[f32; 2]> = points.iter().map(|p| first.local(*p)).collect();
+        map_points(engine, self.single_steps(), &mut at)?;
+        Ok(at.into_iter().map(|p| last.world(p)).collect())
+    }
+
     /// The images of many points by the composite through the reversed polygons: an approximation of the inverse, and the start
     /// of the exact one where nothing better is known. Single precision.
     ///

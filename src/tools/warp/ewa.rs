@@ -70,8 +70,7 @@ impl Ellipse {
         let length = (axis[0] * axis[0] + axis[1] * axis[1]).sqrt();
         let [u, v] = if length > 0.0 { [axis[0] / length, axis[1] / length] } else { [1.0, 0.0] };
         let (along, across) = (1.0 / long, 1.0 / short);
-        let form =
-            [along * u * u + across * v * v, 2.0 * (along - across) * u * v, along * v * v + across * u * u];
+        let form = [along * u * u + across * v * v, 2.0 * (along - across) * u * v, along * v * v + across * u * u];
         let reach = [(long * u * u + short * v * v).sqrt(), (long * v * v + short * u * u).sqrt()];
         Self { level, share, form, reach }
     }

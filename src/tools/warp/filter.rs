@@ -107,8 +107,7 @@ pub fn lanczos_weights(f: f32) -> [f32; 6] {
 #[inline(always)]
 fn sine_pi(x: f32) -> f32 {
     let q = x * x;
-    x * (3.141_592_7
-        + q * (-5.167_713 + q * (2.550_164 + q * (-0.599_264_5 + q * (0.082_145_89 - q * 0.007_370_431)))))
+    x * (3.141_592_7 + q * (-5.167_713 + q * (2.550_164 + q * (-0.599_264_5 + q * (0.082_145_89 - q * 0.007_370_431)))))
 }
 
 /// cos(pi x) for 0 <= x <= 1/6, as [`sine_pi`].
@@ -149,7 +148,8 @@ mod tests {
     #[test]
     fn texels_are_kept_and_lines_are_straight() {
         let stride = 12;
-        let texels: Vec<Texel> = (0..stride * stride).map(|i| [(i % stride) as f32, (i / stride) as f32, 1.0, 0.0]).collect();
+        let texels: Vec<Texel> =
+            (0..stride * stride).map(|i| [(i % stride) as f32, (i / stride) as f32, 1.0, 0.0]).collect();
         for (x, y) in [(5.5, 5.5), (4.5, 6.5)] {
             for f in [bilinear, lanczos] {
                 assert_eq!(f(&texels, stride, [x, y]), texels[y as usize * stride + x as usize]);

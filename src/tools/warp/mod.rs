@@ -5,7 +5,9 @@ pub mod cover;
 pub mod ewa;
 pub mod filter;
 pub mod gather;
+pub mod preview;
 pub mod pyramid;
 pub mod store;
 
 pub use filter::Filter;
+pub use preview::Preview;

@@ -76,7 +76,9 @@ impl<'a> Pyramid<'a> {
     /// Bytes that a pyramid keeps beside a picture of this size.
     pub fn bytes(width: u32, height: u32) -> u64 {
         (FIRST_KEPT..=top_level(width.max(height)))
-            .map(|l| (u64::from(width) >> l).saturating_add(1) * ((u64::from(height) >> l) + 1) * size_of::<Texel>() as u64)
+            .map(|l| {
+                (u64::from(width) >> l).saturating_add(1) * ((u64::from(height) >> l) + 1) * size_of::<Texel>() as u64
+            })
             .sum()
     }
 

@@ -32,7 +32,8 @@ fn warped(image: &Image, filter: Filter, width: usize, height: usize, a: [[f64; 
 }
 
 fn picture(width: u32, height: u32, f: impl Fn(f64, f64) -> f64) -> Image {
-    let samples = (0..width * height).map(|i| f(f64::from(i % width) + 0.5, f64::from(i / width) + 0.5) as f32).collect();
+    let samples =
+        (0..width * height).map(|i| f(f64::from(i % width) + 0.5, f64::from(i / width) + 0.5) as f32).collect();
     Image::new(width, height, 1, Pixels::F32(samples)).unwrap()
 }
 
@@ -88,7 +89,9 @@ fn waves_under_affine_maps_fade_as_the_kernel_says() {
     let image = picture(1024, 1024, |x, y| (0.11 * x + 0.07 * y).cos());
     let radius = f64::from(VARIANCE * 10.0).sqrt();
     // Turned, sheared and scaled by 2 to 40 along, 2 to 12 across.
-    for (along, across, turn) in [(2.0, 2.0, 0.3), (4.0, 2.5, 1.1), (7.0, 6.5, 0.7), (20.0, 4.0, 2.3), (40.0, 12.0, 0.9)] {
+    for (along, across, turn) in
+        [(2.0, 2.0, 0.3), (4.0, 2.5, 1.1), (7.0, 6.5, 0.7), (20.0, 4.0, 2.3), (40.0, 12.0, 0.9)]
+    {
         let (s, c) = f64::sin_cos(turn);
         let a = [[c * along, -s * across], [s * along, c * across]];
         let b = [512.0 - 3.0 * (a[0][0] + a[0][1]), 512.0 - 3.0 * (a[1][0] + a[1][1])];
@@ -129,7 +132,10 @@ fn checks_and_rings_that_are_reduced_become_grey() {
 fn levels_do_not_show() {
     // Growing scale on smooth content: neighbours never jump where the level changes.
     let image = picture(2048, 64, |x, _| (x * 0.05).sin());
-    let at = |scale: f64| warped(&image, Filter::Ewa, 1, 1, [[scale, 0.0], [0.0, scale]], [1000.0 - scale * 0.5, 32.0 - scale * 0.5])[0][0];
+    let at = |scale: f64| {
+        warped(&image, Filter::Ewa, 1, 1, [[scale, 0.0], [0.0, scale]], [1000.0 - scale * 0.5, 32.0 - scale * 0.5])[0]
+            [0]
+    };
     let mut before = at(1.0);
     for n in 1..600 {
         let now = at(1.0 + f64::from(n) * 0.05);
