@@ -7,6 +7,7 @@
 
 use rayon::prelude::*;
 
+use super::gpu;
 use super::samples::{EdgeSamples, Raster, contains, on_edge};
 use super::step::{Coordinates, Step};
 use super::sweep::{SweepPoints, SweepStep};
@@ -65,11 +66,31 @@ pub fn jacobian_min(
     for (from, to) in pairs {
         check(coordinates, from, to)?;
     }
-    let interior = match engine.backend() {
+    let steps: Vec<(Step<f64>, Raster)> = pairs
+        .par_iter()
+        .map(|(from, to)| {
+            let step = Step::new(coordinates, from, to, Frame::common_scale([from, to]));
+            let raster = Raster::new(&step.outline, options.resolution);
+            (step, raster)
+        })
+        .collect();
+    let interior = interior(engine, &steps)?;
+    let found = pairs.iter().zip(steps.iter().zip(interior));
+    Ok(found.map(|((from, to), ((step, raster), interior))| minimum(from, to, step, raster, interior)).collect())
+}
+
+/// The smallest samples of the interiors, where `engine` works. What the kernel cannot do the CPU does.
+fn interior(engine: &Engine, steps: &[(Step<f64>, Raster)]) -> Result<Vec<Vec<Sample>>> {
+    let device = engine.gpu_for("jacobian_min");
+    if let Some(device) = device.filter(|_| steps.iter().all(|(step, _)| gpu::fits(step))) {
+        let single: Vec<(Step<f32>, Raster)> = steps.iter().map(|(s, raster)| (s.cast(), raster.clone())).collect();
+        return gpu::piece_minima(device, &single);
+    }
+    let samples = match engine.backend() {
         Backend::Reference => interior_samples::<f64>,
         _ => interior_samples::<f32>,
     };
-    Ok(pairs.iter().map(|(from, to)| minimum(coordinates, from, to, options, interior)).collect())
+    Ok(steps.iter().map(|(step, raster)| samples(step, raster)).collect())
 }
 
 /// Refuses pairs that cannot be mapped.
@@ -88,27 +109,17 @@ pub(super) fn check(coordinates: Coordinates, from: &Polygon, to: &Polygon) -> R
     coordinates.check(from)
 }
 
-fn minimum(
-    coordinates: Coordinates,
-    from: &Polygon,
-    to: &Polygon,
-    options: &SampleOptions,
-    interior: impl Fn(&Step<f64>, &Raster) -> Vec<Sample>,
-) -> Minimum {
-    let scale = Frame::common_scale([from, to]);
-    let step = Step::<f64>::new(coordinates, from, to, scale);
-    let raster = Raster::new(&step.outline, options.resolution);
-    let interior = interior(&step, &raster);
-    let mut best = vertices(&step, from);
-    let frame = Frame::of(from, scale);
+fn minimum(from: &Polygon, to: &Polygon, step: &Step<f64>, raster: &Raster, interior: Vec<Sample>) -> Minimum {
+    let frame = Frame::of(from, Frame::common_scale([from, to]));
+    let mut best = vertices(step, from);
     let mut offer = |sample: Option<Sample>, kind: MinimumKind| {
         let Some(sample) = sample else { return };
         if !(best.value <= sample.value + ROUNDING * sample.value.abs().max(1.0)) {
             best = Minimum { value: sample.value, at: frame.world(sample.at), kind };
         }
     };
-    offer(edges(&step), MinimumKind::Edge);
-    offer(follow(&step, &raster, interior), MinimumKind::Interior);
+    offer(edges(step), MinimumKind::Edge);
+    offer(follow(step, raster, interior), MinimumKind::Interior);
     best
 }
 
