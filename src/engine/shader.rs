@@ -9,8 +9,10 @@ use crate::error::{Error, Result};
 
 /// The files that kernels may import.
 const LIBRARY: &[(&str, &str)] = &[
+    ("lib/corners", include_str!("../../shaders/lib/corners.wgsl")),
     ("lib/frame", include_str!("../../shaders/lib/frame.wgsl")),
     ("lib/matching", include_str!("../../shaders/lib/matching.wgsl")),
+    ("lib/mean_value", include_str!("../../shaders/lib/mean_value.wgsl")),
     ("lib/newton", include_str!("../../shaders/lib/newton.wgsl")),
     ("lib/phong", include_str!("../../shaders/lib/phong.wgsl")),
     ("lib/projection", include_str!("../../shaders/lib/projection.wgsl")),

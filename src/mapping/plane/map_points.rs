@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::gpu;
 use super::step::Step;
 use super::sweep::{SweepPoints, SweepStep};
 use crate::engine::{Backend, Engine, LaneScalar, Lanes};
@@ -62,9 +63,12 @@ fn run(
         for (d, product) in derivatives.into_iter().flatten().zip(&products) {
             *d = product.map(|row| row.map(|x| x as f32));
         }
-    } else {
-        map_points_on_cpu(Lanes::detect(), steps, points, derivatives);
+        return Ok(());
     }
+    if let Some(device) = engine.gpu_for("map_points").filter(|_| steps.iter().all(gpu::fits)) {
+        return gpu::map_on_device(device, steps, points, derivatives);
+    }
+    map_points_on_cpu(Lanes::detect(), steps, points, derivatives);
     Ok(())
 }
 

@@ -7,6 +7,7 @@ mod composite;
 #[cfg(test)]
 mod composite_tests;
 mod frame;
+pub mod gpu;
 mod gradients;
 mod inverse;
 mod inverse_points;
