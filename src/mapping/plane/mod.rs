@@ -22,6 +22,8 @@ mod outline;
 pub mod partition;
 pub mod path;
 mod preimage;
+#[cfg(test)]
+mod random_polygons;
 mod samples;
 mod step;
 #[cfg(test)]

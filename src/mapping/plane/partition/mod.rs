@@ -3,6 +3,8 @@
 mod steps;
 mod strategy;
 #[cfg(test)]
+mod random_tests;
+#[cfg(test)]
 mod tests;
 
 use crate::engine::Engine;
@@ -11,7 +13,7 @@ use crate::geometry::Polygon;
 use crate::progress::Progress;
 
 use super::bounds::{SufficientBound, sufficient_bound};
-use super::path::{Intrinsic, Linear, PathKind, VertexPath};
+use super::path::{Compatible, Intrinsic, Linear, PathKind, VertexPath};
 use super::{Cage, Coordinates, Minimum, SampleOptions, jacobian_min};
 pub use steps::Evaluate;
 use steps::{Found, Steps};
@@ -140,11 +142,18 @@ pub fn partition_with(
         cage.source.nesting().map_err(|defect| Error::input(defect.to_string(), "Make the cage by Cage::new"))?;
     let mut notes = Vec::new();
     let mut folded: Option<Found> = None;
-    let order = [PathKind::Intrinsic, PathKind::Linear];
+    let order = [PathKind::Intrinsic, PathKind::Linear, PathKind::Compatible];
     for kind in order.into_iter().skip_while(|&kind| kind != options.path) {
         let path: Box<dyn VertexPath> = match kind {
+            PathKind::Intrinsic => Box::new(Intrinsic::new(cage)),
             PathKind::Linear => Box::new(Linear::new(cage)),
-            _ => Box::new(Intrinsic::new(cage)),
+            PathKind::Compatible => match Compatible::new(cage) {
+                Ok(path) => Box::new(path),
+                Err(error) => {
+                    notes.push(what_of(&error));
+                    continue;
+                }
+            },
         };
         progress.stage(&format!("partition along the {} path", kind.name()), 0);
         let mut steps = Steps::new(path.as_ref(), &nesting, options.coordinates, evaluate, progress);

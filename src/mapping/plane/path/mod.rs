@@ -3,6 +3,7 @@
 //! A path gives a polygon for every `t` in 0..1, the source at 0 and the target at 1. Only the polygons a partition uses need to
 //! be simple; each of them is checked ([`polygon_at`]). Three paths are known, in the order in which they are tried.
 
+mod compatible;
 mod intrinsic;
 mod linear;
 
@@ -10,6 +11,7 @@ use crate::error::{Error, Result};
 use crate::geometry::Polygon;
 use crate::geometry::polygon::Nesting;
 
+pub use compatible::Compatible;
 pub use intrinsic::Intrinsic;
 pub use linear::Linear;
 
