@@ -24,12 +24,13 @@ pub(super) struct Workspace {
     wide: Weights<10>,
 }
 
-/// A component of a derivative of the map over the box: `value + slope . s + rest`, s the parameters from the centre.
+/// A component of a derivative of the map over the box, s and t the parameters from the centre: `value + slope . (s, t) +
+/// curvature . (s^2, s t, t^2)`, the curvature holding Lagrange's intermediate coefficients.
 #[derive(Clone, Copy, Debug)]
-struct Affine {
+struct Expansion {
     value: Interval,
     slope: Vector,
-    rest: Interval,
+    curvature: [Interval; 3],
 }
 
 /// Encloses the Jacobian of the mean value map over the box `at` with centre `centre`.
@@ -82,8 +83,8 @@ pub(super) fn enclose(
     };
     let columns = [0, 1].map(|column| {
         [0, 1].map(|row| {
-            let rest = wide.as_ref().map_or(Interval::ZERO, |w| remainder(&w[column][row], column, step));
-            derivative(&thin[column][row], column, rest)
+            let curvature = wide.as_ref().map_or([Interval::ZERO; 3], |w| curvature(&w[column][row], column));
+            derivative(&thin[column][row], column, curvature)
         })
     });
     let (columns, area) = with_affine(chart, columns, &affine, thin_at);
@@ -223,30 +224,29 @@ fn ratios<const N: usize>([sum, x, y]: &[Jet<N>; 3], lambda: &Option<Jet<N>>) ->
 }
 
 /// The derivative by parameter `column` of a function known at the centre.
-fn derivative(jet: &Jet<6>, column: usize, rest: Interval) -> Affine {
+fn derivative(jet: &Jet<6>, column: usize, curvature: [Interval; 3]) -> Expansion {
     let c = &jet.0;
     let [value, own, mixed] = [c[index(1, column)], c[index(2, 2 * column)].scaled(2.0), c[index(2, 1)]];
-    Affine { value, slope: if column == 0 { [own, mixed] } else { [mixed, own] }, rest }
+    Expansion { value, slope: if column == 0 { [own, mixed] } else { [mixed, own] }, curvature }
 }
 
-/// Lagrange's remainder of that derivative over the box.
-fn remainder(jet: &Jet<10>, column: usize, step: [Interval; 2]) -> Interval {
+/// The coefficients of second degree of that derivative, over the box.
+fn curvature(jet: &Jet<10>, column: usize) -> [Interval; 3] {
     let c = &jet.0[6..];
     let three = Interval::point(3.0);
-    let [ss, st, tt] = match column {
+    match column {
         0 => [c[0] * three, c[1].scaled(2.0), c[2]],
         _ => [c[1], c[2].scaled(2.0), c[3] * three],
-    };
-    ss * step[0].square() + st * (step[0] * step[1]) + tt * step[1].square()
+    }
 }
 
 /// Adds the affine map's part: columns of derivatives of f, and what their cross product is to be divided by.
 fn with_affine(
     chart: &Chart,
-    mut columns: [[Affine; 2]; 2],
+    mut columns: [[Expansion; 2]; 2],
     affine: &AffineMap,
     centre: [Interval; 2],
-) -> ([[Affine; 2]; 2], Interval) {
+) -> ([[Expansion; 2]; 2], Interval) {
     let (directions, area) = match chart {
         Chart::Plane => ([[Interval::ONE, Interval::ZERO], [Interval::ZERO, Interval::ONE]], Interval::ONE),
         Chart::Fan(fan) => ([fan.direction(centre[1]), fan.sweep()], fan.area()),
@@ -268,26 +268,32 @@ fn with_affine(
 }
 
 /// The cross product of the columns: at the centre, and over the box.
-fn determinant([p, q]: &[[Affine; 2]; 2], step: [Interval; 2]) -> (Interval, Interval) {
+fn determinant([p, q]: &[[Expansion; 2]; 2], step: [Interval; 2]) -> (Interval, Interval) {
     let cross = |a: Vector, b: Vector| a[0] * b[1] - a[1] * b[0];
-    let part = |column: &[Affine; 2], f: fn(&Affine) -> Interval| [f(&column[0]), f(&column[1])];
+    let part = |column: &[Expansion; 2], f: fn(&Expansion) -> Interval| [f(&column[0]), f(&column[1])];
     let [pv, qv] = [p, q].map(|c| part(c, |a| a.value));
     let [ps, qs] = [p, q].map(|c| part(c, |a| a.slope[0]));
     let [pt, qt] = [p, q].map(|c| part(c, |a| a.slope[1]));
-    let [pr, qr] = [p, q].map(|c| part(c, |a| a.rest));
+    let [s, t] = step;
+    let second = [s.square(), s * t, t.square()];
+    let [pr, qr] = [p, q].map(|c| {
+        [0, 1].map(|d| {
+            let [ss, st, tt] = c[d].curvature;
+            ss * second[0] + st * second[1] + tt * second[2]
+        })
+    });
     let value = cross(pv, qv);
     let linear = [cross(ps, qv) + cross(pv, qs), cross(pt, qv) + cross(pv, qt)];
     let quadratic = [cross(ps, qs), cross(ps, qt) + cross(pt, qs), cross(pt, qt)];
-    let affine = |c: &[Affine; 2]| [0, 1].map(|d| c[d].value + dot(c[d].slope, step));
+    let affine = |c: &[Expansion; 2]| [0, 1].map(|d| c[d].value + dot(c[d].slope, step));
     let full = affine(q);
     let rest = cross(affine(p), qr) + cross(pr, [0, 1].map(|d| full[d] + qr[d]));
-    let [s, t] = step;
     let range = value
         + linear[0] * s
         + linear[1] * t
-        + quadratic[0] * s.square()
-        + quadratic[1] * (s * t)
-        + quadratic[2] * t.square()
+        + quadratic[0] * second[0]
+        + quadratic[1] * second[1]
+        + quadratic[2] * second[2]
         + rest;
     (value, range)
 }

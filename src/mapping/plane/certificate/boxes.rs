@@ -3,7 +3,7 @@
 use std::f64::consts::FRAC_PI_4;
 
 use super::chart::{Chart, Fan};
-use super::domain::{Domain, Place, cross, dot, minus, point};
+use super::domain::{Domain, cross, dot, minus, point};
 use super::interval::Interval;
 
 /// A box of parameters.
@@ -13,6 +13,8 @@ pub(super) struct Cell {
     pub(super) at: [Interval; 2],
     /// A lower bound of the Jacobian that is already proved for it.
     pub(super) proved: f64,
+    /// The parameter to cut next.
+    pub(super) cut: usize,
     /// Share of the progress.
     pub(super) weight: f64,
 }
@@ -75,6 +77,13 @@ impl Corner {
         let radius = fans.iter().map(height).fold(f64::INFINITY, f64::min);
         (covered && radius > 0.0).then_some(Self { fans, radius })
     }
+
+    /// Whether the wedge is inside of the polygon: false where the loop runs the wrong way round.
+    pub(super) fn is_inside(&self, domain: &Domain) -> bool {
+        let fan = self.fans[self.fans.len() / 2];
+        let middle = Chart::Fan(fan).position(domain, [Interval::point(0.5); 2]).map(Interval::mid);
+        domain.winding(middle).is_none_or(|w| w == 1)
+    }
 }
 
 fn length(a: [f64; 2]) -> f64 {
@@ -100,7 +109,7 @@ pub(super) enum Fate {
 
 impl Cell {
     pub(super) fn new(chart: Chart, at: [Interval; 2], weight: f64) -> Self {
-        Self { chart, at, proved: f64::NEG_INFINITY, weight }
+        Self { chart, at, proved: f64::NEG_INFINITY, cut: 0, weight }
     }
 
     /// Parameters of the point to expand about.
@@ -126,7 +135,7 @@ impl Cell {
             }
         }
         let is_clear = (0..domain.len()).all(|i| domain.is_clear_of_edge(i, x, y));
-        if is_clear && domain.place(centre) == Place::Outside {
+        if is_clear && domain.winding(centre) == Some(0) {
             return Fate::Drop;
         }
         if half > 0.75 * nearest { Fate::Cut } else { Fate::Examine }
@@ -136,7 +145,7 @@ impl Cell {
     pub(super) fn centre_is_inside(&self, domain: &Domain) -> bool {
         let centre = self.centre();
         match &self.chart {
-            Chart::Plane => domain.place(centre) == Place::Inside,
+            Chart::Plane => domain.winding(centre) == Some(1),
             Chart::Fan(fan) => leads_inside(domain, fan, centre[1]),
         }
     }
@@ -148,8 +157,9 @@ impl Cell {
         usize::from(b >= a)
     }
 
-    /// Two halves that share a side exactly; none if the doubles in between are used up.
-    pub(super) fn halves(&self, side: usize) -> Option<[Self; 2]> {
+    /// Two halves, along the parameter to cut, that share a side exactly; none if the doubles in between are used up.
+    pub(super) fn halves(&self) -> Option<[Self; 2]> {
+        let side = self.cut;
         let Interval { lo, hi } = self.at[side];
         let middle = self.at[side].mid();
         if !(lo < middle && middle < hi) {
@@ -171,5 +181,5 @@ pub(super) fn leads_inside(domain: &Domain, fan: &Fan, mu: f64) -> bool {
     let [out, back] =
         [domain.after[fan.vertex], domain.before[fan.vertex]].map(|i| minus(point(domain.vertices[i]), vertex));
     let (left_of_out, right_of_back) = (cross(out, q).lo > 0.0, cross(q, back).lo > 0.0);
-    if cross(out, back).lo > 0.0 { left_of_out && right_of_back } else { left_of_out || right_of_back }
+    if cross(out, back).hi < 0.0 { left_of_out || right_of_back } else { left_of_out && right_of_back }
 }

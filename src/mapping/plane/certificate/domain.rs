@@ -40,15 +40,6 @@ pub(super) struct Domain {
     pub(super) jacobian_unit: f64,
 }
 
-/// Where a point lies.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Place {
-    Inside,
-    Outside,
-    /// Too close to the boundary for double precision to tell.
-    Unclear,
-}
-
 impl Domain {
     pub(super) fn new(from: &Polygon, to: &Polygon) -> Result<Self> {
         let lengths = |polygon: &Polygon| polygon.loops().iter().map(Vec::len).collect::<Vec<_>>();
@@ -105,11 +96,12 @@ impl Domain {
         cross(minus(point(self.vertices[i]), p), self.edge(i))
     }
 
-    /// Decides by the winding number of the loops around `p`, which is 1 inside.
+    /// How often the loops wind around `p`: once inside of the polygon, not at all outside. None if `p` is too close to the boundary for
+    /// double precision to tell.
     ///
     /// Counts the edges that cross the ray to the right of `p`: which edges meet the ray's line is decided by comparisons, on
     /// which side of `p` they do so by the sign of an interval. No rounding enters.
-    pub(super) fn place(&self, p: [f64; 2]) -> Place {
+    pub(super) fn winding(&self, p: [f64; 2]) -> Option<i32> {
         let mut winding = 0;
         for i in 0..self.len() {
             let (a, b) = (self.vertices[i], self.vertices[self.after[i]]);
@@ -118,14 +110,14 @@ impl Domain {
             }
             let side = self.side(i, point(p));
             if side.may_vanish() {
-                return Place::Unclear;
+                return None;
             }
             let upwards = b[1] > a[1];
             if (side.lo > 0.0) == upwards {
                 winding += if upwards { 1 } else { -1 };
             }
         }
-        if winding == 0 { Place::Outside } else { Place::Inside }
+        Some(winding)
     }
 
     /// Whether the rectangle of `x` and `y` shares no point with the closed edge `i`, by a separating axis: one of the

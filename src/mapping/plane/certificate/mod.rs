@@ -44,6 +44,7 @@ use glam::DVec2;
 use crate::error::{Error, Result};
 use crate::geometry::Polygon;
 use crate::progress::Progress;
+use boxes::Corner;
 use domain::Domain;
 use search::Search;
 
@@ -101,7 +102,7 @@ pub enum Verdict {
 /// # Errors
 ///
 /// Loops that differ in number or length, or have fewer than 3 vertices; coordinates that are not finite; a polygon with no extent;
-/// consecutive vertices that coincide; options out of range.
+/// consecutive vertices that coincide; loops of the wrong orientation; options out of range.
 pub fn certify(from: &Polygon, to: &Polygon, options: &CertifyOptions, progress: &dyn Progress) -> Result<Verdict> {
     if !(options.tolerance > 0.0 && options.tolerance <= 1.0) {
         return Err(Error::option(
@@ -111,8 +112,19 @@ pub fn certify(from: &Polygon, to: &Polygon, options: &CertifyOptions, progress:
         ));
     }
     let domain = Domain::new(from, to)?;
-    Ok(match Search::new(&domain, options) {
-        Ok(search) => search.run(progress),
-        Err(verdict) => verdict,
-    })
+    let mut corners = Vec::with_capacity(domain.len());
+    for k in 0..domain.len() {
+        let Some(corner) = Corner::new(&domain, k) else {
+            let worst = DVec2::from(domain.vertices[k]) / domain.scale;
+            return Ok(Verdict::Undecided { boxes: 0, worst, bound: f64::NEG_INFINITY });
+        };
+        if !corner.is_inside(&domain) {
+            return Err(Error::input(
+                format!("certificate: the source is not to the left of its edges at vertex {k}"),
+                "Run outer loops anticlockwise and holes clockwise, and let no loops cross",
+            ));
+        }
+        corners.push(corner);
+    }
+    Ok(Search::new(&domain, corners, options).run(progress))
 }

@@ -18,10 +18,19 @@ const PARTS: f64 = 1000.0;
 #[derive(Clone, Copy, Debug)]
 enum Outcome {
     Dropped,
-    /// Too large to be examined: to be cut along this parameter.
-    Cut(usize),
+    /// Too large to be examined.
+    Cut,
     /// The bounds, and whether the centre is a point of the polygon.
     Bounded(Bounds, bool),
+}
+
+/// What became of many.
+#[derive(Clone, Debug, Default)]
+struct Round {
+    proved: Vec<Cell>,
+    open: Vec<Cell>,
+    /// Share of the cells that are dropped or proved.
+    settled: f64,
 }
 
 /// The search over one step.
@@ -39,95 +48,98 @@ pub(super) struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    /// The search; an undecided verdict where a vertex cannot be covered.
-    pub(super) fn new(domain: &'a Domain, options: &'a CertifyOptions) -> Result<Self, Verdict> {
-        let mut corners = Vec::with_capacity(domain.len());
-        for k in 0..domain.len() {
-            let corner = Corner::new(domain, k).ok_or_else(|| Verdict::Undecided {
-                boxes: 0,
-                worst: DVec2::from(domain.vertices[k]) / domain.scale,
-                bound: f64::NEG_INFINITY,
-            })?;
-            corners.push(corner);
-        }
-        Ok(Self { domain, options, corners, sampled: f64::INFINITY, boxes: 0, done: 0.0 })
+    /// The search over a domain with these corners.
+    pub(super) fn new(domain: &'a Domain, corners: Vec<Corner>, options: &'a CertifyOptions) -> Self {
+        Self { domain, options, corners, sampled: f64::INFINITY, boxes: 0, done: 0.0 }
     }
 
     pub(super) fn run(mut self, progress: &dyn Progress) -> Verdict {
         progress.stage("certificate", PARTS as u64);
-        if let Some(fold) = self.vertices() {
-            return fold;
+        let verdict = self.vertices().and_then(|()| self.prove(progress)).and_then(|proved| self.sharpen(proved));
+        match verdict {
+            Ok(bound) => Verdict::Certified { lower_bound: bound * self.domain.jacobian_unit },
+            Err(verdict) => verdict,
         }
-        let mut pending = self.roots();
-        // Proved positive, but the bound may be sharpened.
-        let mut proved: Vec<Cell> = Vec::new();
-        let mut first_pass = None;
+    }
+
+    /// Cuts the roots until all cells are proved positive.
+    fn prove(&mut self, progress: &dyn Progress) -> Result<Vec<Cell>, Verdict> {
+        let (mut open, mut proved) = (self.roots(), Vec::new());
+        while !open.is_empty() {
+            let room = self.options.boxes.saturating_sub(self.boxes);
+            if room == 0 {
+                return Err(self.undecided(&open));
+            }
+            let later = open.split_off(open.len().min(usize::try_from(room).unwrap_or(usize::MAX)));
+            let mut round = self.round(&open)?;
+            proved.append(&mut round.proved);
+            let before = (self.done * PARTS) as u64;
+            self.done = (self.done + round.settled).min(1.0);
+            progress.advance((self.done * PARTS) as u64 - before);
+            open.clear();
+            for cell in round.open {
+                match cell.halves() {
+                    Some(halves) => open.extend(halves),
+                    None => return Err(self.undecided(&[cell])),
+                }
+            }
+            open.extend(later);
+        }
+        progress.advance(PARTS as u64 - (self.done * PARTS) as u64);
+        Ok(proved)
+    }
+
+    /// Cuts cells whose bound is far below the sampled minimum, as long as that is cheap; returns the least bound.
+    fn sharpen(&mut self, mut proved: Vec<Cell>) -> Result<f64, Verdict> {
+        let limit = (self.boxes.saturating_mul(3) + 4096).min(self.options.boxes);
         loop {
-            while !pending.is_empty() {
-                let room = self.options.boxes.saturating_sub(self.boxes);
-                if room == 0 {
-                    if first_pass.is_none() {
-                        return self.undecided(&pending);
-                    }
-                    // Out of budget while sharpening: what is pending is proved as it stands.
-                    proved.append(&mut pending);
-                    break;
-                }
-                let later = pending.split_off(pending.len().min(usize::try_from(room).unwrap_or(usize::MAX)));
-                let outcomes: Vec<Outcome> =
-                    pending.par_iter().map_init(Workspace::default, |work, cell| self.examine(cell, work)).collect();
-                let mut next = Vec::new();
-                for (cell, outcome) in pending.iter().zip(outcomes) {
-                    let side = match outcome {
-                        Outcome::Dropped => {
-                            self.settle(cell.weight, progress);
-                            continue;
-                        }
-                        Outcome::Cut(side) => side,
-                        Outcome::Bounded(bounds, inside) => {
-                            self.boxes += 1;
-                            if inside {
-                                if bounds.centre.hi < 0.0 {
-                                    return self.fold(cell, bounds.centre);
-                                }
-                                if bounds.centre.is_known() {
-                                    self.sampled = self.sampled.min(bounds.centre.hi);
-                                }
-                            }
-                            let lower = if bounds.range.lo > cell.proved { bounds.range.lo } else { cell.proved };
-                            let cell = Cell { proved: lower, ..*cell };
-                            if lower > 0.0 {
-                                if first_pass.is_none() {
-                                    self.settle(cell.weight, progress);
-                                }
-                                proved.push(cell);
-                                continue;
-                            }
-                            if bounds.range.is_known() { bounds.cut } else { cell.wider_parameter() }
-                        }
-                    };
-                    match cell.halves(side) {
-                        Some(halves) => next.extend(halves),
-                        None => return self.undecided(&[*cell]),
-                    }
-                }
-                next.extend(later);
-                pending = next;
-            }
-            // All is positive. Sharpen the bound where it is far below the sampled minimum, as long as that is cheap.
-            let spent = *first_pass.get_or_insert(self.boxes);
-            let limit = (spent.saturating_mul(3) + 4096).min(self.options.boxes);
             let target = self.sampled * (1.0 - self.options.tolerance);
-            let (loose, sharp): (Vec<Cell>, Vec<Cell>) = proved
-                .iter()
-                .partition(|c| c.proved < target && self.boxes < limit && c.halves(c.wider_parameter()).is_some());
-            if loose.is_empty() || self.boxes + loose.len() as u64 * 2 > limit {
-                let bound = proved.iter().map(|c| c.proved).fold(f64::INFINITY, f64::min);
-                return Verdict::Certified { lower_bound: bound * self.domain.jacobian_unit };
+            let (loose, sharp): (Vec<Cell>, Vec<Cell>) = proved.into_iter().partition(|c| c.proved < target);
+            let halves: Vec<Cell> = loose.iter().filter_map(Cell::halves).flatten().collect();
+            if halves.is_empty() || halves.len() < 2 * loose.len() || self.boxes + halves.len() as u64 > limit {
+                return Ok(loose.iter().chain(&sharp).map(|c| c.proved).fold(f64::INFINITY, f64::min));
             }
+            let mut round = self.round(&halves)?;
             proved = sharp;
-            pending = loose.iter().flat_map(|c| c.halves(c.wider_parameter())).flatten().collect();
+            proved.append(&mut round.proved);
         }
+    }
+
+    /// Examines cells, in parallel, and takes the outcomes in order. A cell proved already stays so.
+    fn round(&mut self, cells: &[Cell]) -> Result<Round, Verdict> {
+        let outcomes: Vec<Outcome> =
+            cells.par_iter().map_init(Workspace::default, |work, cell| self.examine(cell, work)).collect();
+        let mut round = Round::default();
+        for (cell, outcome) in cells.iter().zip(outcomes) {
+            let mut cell = Cell { cut: cell.wider_parameter(), ..*cell };
+            match outcome {
+                Outcome::Dropped => {
+                    round.settled += cell.weight;
+                    continue;
+                }
+                Outcome::Cut => {}
+                Outcome::Bounded(bounds, inside) => {
+                    self.boxes += 1;
+                    if inside && bounds.centre.hi < 0.0 {
+                        return Err(self.fold(&cell, bounds.centre));
+                    }
+                    if inside && bounds.centre.is_known() {
+                        self.sampled = self.sampled.min(bounds.centre.hi);
+                    }
+                    if bounds.range.is_known() {
+                        cell.proved = cell.proved.max(bounds.range.lo);
+                        cell.cut = bounds.cut;
+                    }
+                }
+            }
+            if cell.proved > 0.0 {
+                round.settled += cell.weight;
+                round.proved.push(cell);
+            } else {
+                round.open.push(cell);
+            }
+        }
+        Ok(round)
     }
 
     /// The fans of all corners, and the bounding box of the polygon.
@@ -147,7 +159,7 @@ impl<'a> Search<'a> {
     fn examine(&self, cell: &Cell, work: &mut Workspace) -> Outcome {
         match cell.fate(self.domain, &self.corners) {
             Fate::Drop => Outcome::Dropped,
-            Fate::Cut => Outcome::Cut(cell.wider_parameter()),
+            Fate::Cut => Outcome::Cut,
             Fate::Examine => {
                 let bounds = enclose(self.domain, &cell.chart, cell.at, cell.centre(), work);
                 Outcome::Bounded(bounds, cell.centre_is_inside(self.domain))
@@ -159,7 +171,7 @@ impl<'a> Search<'a> {
     ///
     /// As a function of the direction's angle the limit is a sinusoid plus a constant, so three values in a fan predict where it is
     /// least; rigour needs no more than that the values themselves are enclosures at points of the polygon.
-    fn vertices(&mut self) -> Option<Verdict> {
+    fn vertices(&mut self) -> Result<(), Verdict> {
         let fans: Vec<Fan> = self.corners.iter().flat_map(|c| c.fans.iter().copied()).collect();
         let samples: Vec<Vec<(f64, Interval)>> =
             fans.par_iter().map_init(Workspace::default, |work, fan| self.limits(fan, work)).collect();
@@ -168,14 +180,14 @@ impl<'a> Search<'a> {
                 let cell = Cell::new(Chart::Fan(*fan), [Interval::ZERO, Interval::point(mu)], 0.0);
                 self.boxes += 1;
                 if value.hi < 0.0 {
-                    return Some(self.fold(&cell, value));
+                    return Err(self.fold(&cell, value));
                 }
                 if value.is_known() {
                     self.sampled = self.sampled.min(value.hi);
                 }
             }
         }
-        None
+        Ok(())
     }
 
     fn limits(&self, fan: &Fan, work: &mut Workspace) -> Vec<(f64, Interval)> {
@@ -203,12 +215,6 @@ impl<'a> Search<'a> {
         }
         samples.retain(|(mu, _)| leads_inside(self.domain, fan, *mu));
         samples
-    }
-
-    fn settle(&mut self, weight: f64, progress: &dyn Progress) {
-        let before = (self.done * PARTS) as u64;
-        self.done += weight;
-        progress.advance((self.done * PARTS) as u64 - before);
     }
 
     fn world(&self, cell: &Cell) -> DVec2 {
