@@ -9,9 +9,12 @@ use crate::error::{Error, Result};
 
 /// The files that kernels may import.
 const LIBRARY: &[(&str, &str)] = &[
+    ("lib/atlas", include_str!("../../shaders/lib/atlas.wgsl")),
+    ("lib/footprint", include_str!("../../shaders/lib/footprint.wgsl")),
     ("lib/frame", include_str!("../../shaders/lib/frame.wgsl")),
     ("lib/matching", include_str!("../../shaders/lib/matching.wgsl")),
     ("lib/newton", include_str!("../../shaders/lib/newton.wgsl")),
+    ("lib/padding", include_str!("../../shaders/lib/padding.wgsl")),
     ("lib/phong", include_str!("../../shaders/lib/phong.wgsl")),
     ("lib/projection", include_str!("../../shaders/lib/projection.wgsl")),
     ("lib/span", include_str!("../../shaders/lib/span.wgsl")),
