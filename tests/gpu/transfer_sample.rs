@@ -395,7 +395,7 @@ fn bands_and_repetition_do_not_show_on_a_device() {
     let again = scene.run(engine, &options).unwrap();
     assert_eq!((&all.layers, &all.coverage), (&again.layers, &again.coverage));
     // As little as keeps the device at work.
-    let mut memory = memory_needed(&scene.source, &scene.layers(), &scene.target, &options) + (1 << 16);
+    let mut memory = memory_needed(&scene.source, &scene.layers(), &scene.target, &options) + (1 << 20);
     let banded = loop {
         let out = scene.run(engine, &TransferOptions { memory, ..options.clone() }).unwrap();
         if !out.stats.device_stages.is_empty() {
