@@ -7,7 +7,13 @@ use std::path::Path;
 use barymap::engine::{Kernel, reflect};
 
 fn kernels() -> Vec<&'static Kernel> {
-    [barymap::engine::KERNELS, barymap::surface::gpu::KERNELS, barymap::mapping::plane::gpu::KERNELS].concat()
+    [
+        barymap::engine::KERNELS,
+        barymap::mapping::plane::gpu::KERNELS,
+        barymap::surface::gpu::KERNELS,
+        barymap::tools::transfer::gpu::KERNELS,
+    ]
+    .concat()
 }
 
 #[test]

@@ -25,6 +25,15 @@ pub(crate) trait Sample: Copy + Default + Send + Sync + 'static {
 static LIGHT_8: LazyLock<Vec<f32>> = LazyLock::new(|| light_table(255));
 static LIGHT_16: LazyLock<Vec<f32>> = LazyLock::new(|| light_table(65535));
 
+/// The light of all sRGB samples of `count` values (256 or 65,536); nothing for 0.
+pub(super) fn light_values(count: usize) -> &'static [f32] {
+    match count {
+        0 => &[],
+        256 => &LIGHT_8,
+        _ => &LIGHT_16,
+    }
+}
+
 fn light_table(most: u32) -> Vec<f32> {
     (0..=most).map(|i| srgb_to_linear(i as f32 / most as f32)).collect()
 }

@@ -1,9 +1,9 @@
 //! Partitions: into which steps the map is cut so that none folds (paper, sections 2.2, 3.1, 4.1, 4.4).
 
-mod steps;
-mod strategy;
 #[cfg(test)]
 mod random_tests;
+mod steps;
+mod strategy;
 #[cfg(test)]
 mod tests;
 
