@@ -140,7 +140,7 @@ fn scale(polygon: &Polygon, name: &str) -> Result<f64> {
     }
     let size = polygon.size();
     let largest = polygon.vertices().map(|v| v.abs().max_element()).fold(0.0, f64::max);
-    if !(size > 1e-100 && largest < 1e100) {
+    if !(size > 1e-70 && largest < 1e70) {
         return bad(format!("the {name} has the size {size:e} and coordinates up to {largest:e}"));
     }
     let scale = (-size.log2().ceil()).exp2();

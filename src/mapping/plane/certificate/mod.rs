@@ -33,6 +33,8 @@ mod chart;
 mod domain;
 mod interval;
 mod jet;
+#[cfg(test)]
+mod reference;
 mod search;
 mod weights;
 
@@ -90,6 +92,18 @@ pub enum Verdict {
     },
 }
 
+/// A verdict and what it took.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Certificate {
+    /// The verdict.
+    pub verdict: Verdict,
+    /// Boxes examined.
+    pub boxes: u64,
+    /// The smallest upper bound of the Jacobian met at a point of the polygon: the proved bound cannot exceed it. Infinite where
+    /// none was computed.
+    pub sampled: f64,
+}
+
 /// Proves that the mean value map from polygon `from` to polygon `to` has a positive Jacobian on all of `from`, or finds that it
 /// has not.
 ///
@@ -104,6 +118,20 @@ pub enum Verdict {
 /// Loops that differ in number or length, or have fewer than 3 vertices; coordinates that are not finite; a polygon with no extent;
 /// consecutive vertices that coincide; loops of the wrong orientation; options out of range.
 pub fn certify(from: &Polygon, to: &Polygon, options: &CertifyOptions, progress: &dyn Progress) -> Result<Verdict> {
+    certificate(from, to, options, progress).map(|c| c.verdict)
+}
+
+/// What [`certify`] does, with the effort told.
+///
+/// # Errors
+///
+/// Those of [`certify`].
+pub fn certificate(
+    from: &Polygon,
+    to: &Polygon,
+    options: &CertifyOptions,
+    progress: &dyn Progress,
+) -> Result<Certificate> {
     if !(options.tolerance > 0.0 && options.tolerance <= 1.0) {
         return Err(Error::option(
             "tolerance",
@@ -116,7 +144,8 @@ pub fn certify(from: &Polygon, to: &Polygon, options: &CertifyOptions, progress:
     for k in 0..domain.len() {
         let Some(corner) = Corner::new(&domain, k) else {
             let worst = DVec2::from(domain.vertices[k]) / domain.scale;
-            return Ok(Verdict::Undecided { boxes: 0, worst, bound: f64::NEG_INFINITY });
+            let verdict = Verdict::Undecided { boxes: 0, worst, bound: f64::NEG_INFINITY };
+            return Ok(Certificate { verdict, boxes: 0, sampled: f64::INFINITY });
         };
         if !corner.is_inside(&domain) {
             return Err(Error::input(

@@ -8,7 +8,7 @@ use super::boxes::{Cell, Corner, Fate, leads_inside};
 use super::chart::{Chart, Fan};
 use super::domain::Domain;
 use super::interval::Interval;
-use super::{CertifyOptions, Verdict};
+use super::{Certificate, CertifyOptions, Verdict};
 use crate::progress::Progress;
 
 /// Parts of the progress.
@@ -53,13 +53,14 @@ impl<'a> Search<'a> {
         Self { domain, options, corners, sampled: f64::INFINITY, boxes: 0, done: 0.0 }
     }
 
-    pub(super) fn run(mut self, progress: &dyn Progress) -> Verdict {
+    pub(super) fn run(mut self, progress: &dyn Progress) -> Certificate {
         progress.stage("certificate", PARTS as u64);
         let verdict = self.vertices().and_then(|()| self.prove(progress)).and_then(|proved| self.sharpen(proved));
-        match verdict {
+        let verdict = match verdict {
             Ok(bound) => Verdict::Certified { lower_bound: bound * self.domain.jacobian_unit },
             Err(verdict) => verdict,
-        }
+        };
+        Certificate { verdict, boxes: self.boxes, sampled: self.sampled * self.domain.jacobian_unit }
     }
 
     /// Cuts the roots until all cells are proved positive.
