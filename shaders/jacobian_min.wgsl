@@ -41,7 +41,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         let pixel = min(vec4u(k, k + 1u, k + 2u, k + 3u), vec4u(last));
         let px = params.origin.x + (vec4f(vec4u(column) + pixel) + 0.5) * params.pixel;
         let found = scan(px, py, params.loops);
-        let sums = mean_value(found, px, py, params.loops);
+        let sums = mean_value(found, px, py, params.loops, params.far);
         let jacobian = (1.0 + sums.xx) * (1.0 + sums.yy) - sums.xy * sums.yx;
         // What is not finite counts as a fold, and the host looks again; vertices are the host's.
         let finite = (bitcast<vec4u>(jacobian) & vec4u(0x7f800000u)) != vec4u(0x7f800000u);

@@ -66,8 +66,19 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let d = points[min(first + 3u, last)];
     let px = vec4f(a.x, b.x, c.x, d.x);
     let py = vec4f(a.y, b.y, c.y, d.y);
+    if !DERIVATIVE {
+        let m = mean_value_map(px, py, params.loops, params.far);
+        let x = px + m.x;
+        let y = py + m.y;
+        let none = vec4f();
+        finish(first, vec2f(x.x, y.x), none, m.square.x, m.nearest.x);
+        finish(first + 1u, vec2f(x.y, y.y), none, m.square.y, m.nearest.y);
+        finish(first + 2u, vec2f(x.z, y.z), none, m.square.z, m.nearest.z);
+        finish(first + 3u, vec2f(x.w, y.w), none, m.square.w, m.nearest.w);
+        return;
+    }
     let found = scan(px, py, params.loops);
-    let sums = mean_value(found, px, py, params.loops);
+    let sums = mean_value(found, px, py, params.loops, params.far);
     let x = px + sums.moved_x;
     let y = py + sums.moved_y;
     let xx = 1.0 + sums.xx;

@@ -13,9 +13,10 @@ struct PlaneParams {
     loops: u32,
     // Whether the derivatives read are to be multiplied, or are not there yet.
     chained: u32,
+    // Squared distance from the origin beyond which a point is far away.
+    far: f32,
     unused0: u32,
     unused1: u32,
-    unused2: u32,
 }
 
 // Position and displacement of vertex i.

@@ -8,6 +8,12 @@
 // Squared distance below which a point is at a vertex; mean_value::AT_VERTEX.
 const AT_VERTEX: f32 = 1e-30;
 
+// Stands in for an area that is zero, so that a weight it divides is a number yet.
+const ON_EDGE: f32 = 1e-18;
+
+// No edge.
+const NONE: u32 = 0xffffffffu;
+
 // What the first pass over the edges finds: the nearest vertex, its squared distance and displacement; tau and its gradient,
 // and the edge that sets it (none where no angle is obtuse).
 struct Scan {
@@ -42,6 +48,8 @@ struct Half {
 // Sums over the vertices; and in the end image minus point and derivative minus identity, row by row.
 struct Sums {
     weight: vec4f,
+    moment_x: vec4f,
+    moment_y: vec4f,
     moved_x: vec4f,
     moved_y: vec4f,
     weight_x: vec4f,
@@ -69,16 +77,11 @@ fn area(ax: vec4f, ay: vec4f, a: vec4f, bx: vec4f, by: vec4f, b: vec4f, edge_x: 
 fn scan(px: vec4f, py: vec4f, loops: u32) -> Scan {
     var found: Scan;
     found.square = vec4f(1e30);
-    found.widest = vec4u(0xffffffffu);
+    found.widest = vec4u(NONE);
     // |A| and -D of the widest so far; with these numbers any obtuse angle wins.
     var best_area = vec4f(1.0);
     var best_product = vec4f(0.0);
-    var from_x: vec4f;
-    var from_y: vec4f;
-    var to_x: vec4f;
-    var to_y: vec4f;
-    var edge_x: vec4f;
-    var edge_y: vec4f;
+    var after: vec4u;
     for (var l = 0u; l < loops; l++) {
         let range = ring(l);
         var here = corner(range.x);
@@ -86,15 +89,14 @@ fn scan(px: vec4f, py: vec4f, loops: u32) -> Scan {
         var ay = here.y - py;
         var a = ax * ax + ay * ay;
         for (var i = range.x; i < range.y; i++) {
-            let there = corner(select(i + 1u, range.x, i + 1u == range.y));
+            let next = select(i + 1u, range.x, i + 1u == range.y);
+            let there = corner(next);
             let bx = there.x - px;
             let by = there.y - py;
             let b = bx * bx + by * by;
             let closer = a < found.square;
             found.square = select(found.square, a, closer);
             found.nearest = select(found.nearest, vec4u(i), closer);
-            found.base_x = select(found.base_x, vec4f(here.z), closer);
-            found.base_y = select(found.base_y, vec4f(here.w), closer);
             let edge = there.xy - here.xy;
             let size = abs(area(ax, ay, a, bx, by, b, vec4f(edge.x), vec4f(edge.y)));
             let product = ax * bx + ay * by;
@@ -103,22 +105,37 @@ fn scan(px: vec4f, py: vec4f, loops: u32) -> Scan {
             best_area = select(best_area, size, wider);
             best_product = select(best_product, -product, wider);
             found.widest = select(found.widest, vec4u(i), wider);
-            from_x = select(from_x, ax, wider);
-            from_y = select(from_y, ay, wider);
-            to_x = select(to_x, bx, wider);
-            to_y = select(to_y, by, wider);
-            edge_x = select(edge_x, vec4f(edge.x), wider);
-            edge_y = select(edge_y, vec4f(edge.y), wider);
+            after = select(after, vec4u(next), wider);
             here = there;
             ax = bx;
             ay = by;
             a = b;
         }
     }
-    let none = found.widest == vec4u(0xffffffffu);
-    let start = ray(from_x, from_y);
-    let stop = ray(to_x, to_y);
-    let signed = area(from_x, from_y, start.square, to_x, to_y, stop.square, edge_x, edge_y);
+    // What belongs to the winners is fetched once, for it would be selected once an edge otherwise.
+    let qx = corner(found.nearest.x);
+    let qy = corner(found.nearest.y);
+    let qz = corner(found.nearest.z);
+    let qw = corner(found.nearest.w);
+    found.base_x = vec4f(qx.z, qy.z, qz.z, qw.z);
+    found.base_y = vec4f(qx.w, qy.w, qz.w, qw.w);
+    let none = found.widest == vec4u(NONE);
+    let index = select(found.widest, vec4u(0u), none);
+    let ax = corner(index.x);
+    let ay = corner(index.y);
+    let az = corner(index.z);
+    let aw = corner(index.w);
+    let bx = corner(after.x);
+    let by = corner(after.y);
+    let bz = corner(after.z);
+    let bw = corner(after.w);
+    let vx = vec4f(ax.x, ay.x, az.x, aw.x);
+    let vy = vec4f(ax.y, ay.y, az.y, aw.y);
+    let wx = vec4f(bx.x, by.x, bz.x, bw.x);
+    let wy = vec4f(bx.y, by.y, bz.y, bw.y);
+    let start = ray(vx - px, vy - py);
+    let stop = ray(wx - px, wy - py);
+    let signed = area(start.x, start.y, start.square, stop.x, stop.y, stop.square, wx - vx, wy - vy);
     found.tau = select(signed / (start.r * stop.r + best_product), vec4f(1.0), none);
     let factor = -0.5 - 0.5 * found.tau * found.tau;
     found.slope_x = select(factor * (stop.turn_y - start.turn_y), vec4f(0.0), none);
@@ -142,14 +159,16 @@ fn half_edge(found: Scan, i: u32, a: Ray, b: Ray, edge: vec2f) -> Half {
     );
 }
 
-fn add_vertex(sums: ptr<function, Sums>, found: Scan, scale: vec4f, u: vec2f, at: Ray, before: Half, after: Half) {
+fn add_vertex(sums: ptr<function, Sums>, found: Scan, scale: vec4f, vertex: vec4f, at: Ray, before: Half, after: Half) {
     let c = scale * at.inverse;
     let w = c * (before.t + after.t);
-    let ux = u.x - found.base_x;
-    let uy = u.y - found.base_y;
+    let ux = vertex.z - found.base_x;
+    let uy = vertex.w - found.base_y;
     let gx = c * (before.x + after.x) + w * at.turn_x;
     let gy = c * (before.y + after.y) + w * at.turn_y;
     (*sums).weight += w;
+    (*sums).moment_x += w * vertex.x;
+    (*sums).moment_y += w * vertex.y;
     (*sums).moved_x += w * ux;
     (*sums).moved_y += w * uy;
     (*sums).weight_x += gx;
@@ -160,7 +179,7 @@ fn add_vertex(sums: ptr<function, Sums>, found: Scan, scale: vec4f, u: vec2f, at
     (*sums).yy += uy * gy;
 }
 
-fn mean_value(found: Scan, px: vec4f, py: vec4f, loops: u32) -> Sums {
+fn mean_value(found: Scan, px: vec4f, py: vec4f, loops: u32, far: f32) -> Sums {
     var sums: Sums;
     let scale = sqrt(found.square);
     for (var l = 0u; l < loops; l++) {
@@ -176,18 +195,24 @@ fn mean_value(found: Scan, px: vec4f, py: vec4f, loops: u32) -> Sums {
             let there = corner(select(i + 1u, range.x, i + 1u == range.y));
             let b = ray(there.x - px, there.y - py);
             let after = half_edge(found, i, a, b, there.xy - here.xy);
-            add_vertex(&sums, found, scale, here.zw, a, before, after);
+            add_vertex(&sums, found, scale, here, a, before, after);
             here = there;
             a = b;
             before = after;
         }
-        add_vertex(&sums, found, scale, first.zw, first_ray, before, leaving);
+        add_vertex(&sums, found, scale, first, first_ray, before, leaving);
     }
-    let inverse = 1.0 / sums.weight;
+    // Far away the sum of the weights is taken from their moment, which cancels less.
+    let square = px * px + py * py;
+    let away = square > vec4f(far);
+    let moment = sums.moment_x * px + sums.moment_y * py;
+    let inverse = select(vec4f(1.0), square, away) / select(sums.weight, moment, away);
     let mx = sums.moved_x * inverse;
     let my = sums.moved_y * inverse;
     return Sums(
         sums.weight,
+        sums.moment_x,
+        sums.moment_y,
         found.base_x + mx,
         found.base_y + my,
         sums.weight_x,
@@ -197,4 +222,79 @@ fn mean_value(found: Scan, px: vec4f, py: vec4f, loops: u32) -> Sums {
         (sums.yx - my * sums.weight_x) * inverse,
         (sums.yy - my * sums.weight_y) * inverse,
     );
+}
+
+// Image minus point alone, and what says whether a point is at a vertex.
+struct Moved {
+    x: vec4f,
+    y: vec4f,
+    nearest: vec4u,
+    square: vec4f,
+}
+
+// t of an edge; on the edge itself, where it is infinite, so large that only its two ends count.
+fn half_tangent(a: Ray, b: Ray, edge: vec2f) -> vec4f {
+    let size = area(a.x, a.y, a.square, b.x, b.y, b.square, vec4f(edge.x), vec4f(edge.y));
+    let product = a.x * b.x + a.y * b.y;
+    let sum = a.r * b.r + abs(product);
+    let obtuse = product < vec4f(0.0);
+    let below = select(size, vec4f(ON_EDGE), abs(size) < vec4f(ON_EDGE));
+    return select(size, sum, obtuse) / select(sum, below, obtuse);
+}
+
+// Without derivatives nothing has to be scaled, for coordinates are ratios of the weights.
+fn mean_value_map(px: vec4f, py: vec4f, loops: u32, far: f32) -> Moved {
+    var weight = vec4f(0.0);
+    var moment_x = vec4f(0.0);
+    var moment_y = vec4f(0.0);
+    var moved_x = vec4f(0.0);
+    var moved_y = vec4f(0.0);
+    // Displacements relative to that of the nearest vertex, as the other form has them.
+    var nearest = vec4u(0u);
+    var least = vec4f(1e30);
+    for (var l = 0u; l < loops; l++) {
+        let range = ring(l);
+        for (var i = range.x; i < range.y; i++) {
+            let v = corner(i);
+            let x = v.x - px;
+            let y = v.y - py;
+            let square = x * x + y * y;
+            let closer = square < least;
+            least = select(least, square, closer);
+            nearest = select(nearest, vec4u(i), closer);
+        }
+    }
+    let qx = corner(nearest.x);
+    let qy = corner(nearest.y);
+    let qz = corner(nearest.z);
+    let qw = corner(nearest.w);
+    let base_x = vec4f(qx.z, qy.z, qz.z, qw.z);
+    let base_y = vec4f(qx.w, qy.w, qz.w, qw.w);
+    for (var l = 0u; l < loops; l++) {
+        let range = ring(l);
+        var here = corner(range.y - 1u);
+        var there = corner(range.x);
+        var a = ray(here.x - px, here.y - py);
+        var b = ray(there.x - px, there.y - py);
+        var before = half_tangent(a, b, there.xy - here.xy);
+        for (var i = range.x; i < range.y; i++) {
+            here = there;
+            a = b;
+            there = corner(select(i + 1u, range.x, i + 1u == range.y));
+            b = ray(there.x - px, there.y - py);
+            let after = half_tangent(a, b, there.xy - here.xy);
+            let w = (before + after) * a.inverse;
+            weight += w;
+            moment_x += w * here.x;
+            moment_y += w * here.y;
+            moved_x += w * (here.z - base_x);
+            moved_y += w * (here.w - base_y);
+            before = after;
+        }
+    }
+    let square = px * px + py * py;
+    let away = square > vec4f(far);
+    let moment = moment_x * px + moment_y * py;
+    let inverse = select(vec4f(1.0), square, away) / select(weight, moment, away);
+    return Moved(base_x + moved_x * inverse, base_y + moved_y * inverse, nearest, least);
 }

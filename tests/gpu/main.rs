@@ -7,6 +7,9 @@
 mod common;
 mod device;
 mod patterns;
+mod plane;
+#[path = "../common/plane.rs"]
+mod plane_cases;
 mod surface;
 mod transfer;
 mod transfer_sample;

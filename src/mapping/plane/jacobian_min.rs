@@ -159,9 +159,18 @@ fn edges(step: &Step<f64>) -> Option<Sample> {
     let outline = &step.outline;
     let samples = EdgeSamples::new(outline.len());
     let ends: Vec<(usize, usize)> = outline.edges().collect();
+    let sweep = SweepStep::new(step);
+    let lanes = Lanes::detect();
     let per_edge: Vec<Vec<Sample>> = ends
-        .par_iter()
-        .map(|&(i, k)| samples.fractions.iter().map(|&s| jacobian(step, on_edge(outline, i, k, s))).collect())
+        .par_chunks(TASK)
+        .flat_map_iter(|ends| {
+            let place = |&(i, k): &(usize, usize)| samples.fractions.iter().map(move |&s| on_edge(outline, i, k, s));
+            let points: Vec<[f64; 2]> = ends.iter().flat_map(place).collect();
+            let jacobians = sweep.jacobians(lanes, &SweepPoints::new(&points, None));
+            let all: Vec<Sample> =
+                points.into_iter().zip(jacobians).map(|(at, j)| Sample { value: judged(j), at }).collect();
+            all.chunks(samples.fractions.len()).map(<[Sample]>::to_vec).collect::<Vec<_>>()
+        })
         .collect();
     // Samples no larger than their neighbours on the edge.
     let mut low: Vec<(f64, usize, usize)> = Vec::new();

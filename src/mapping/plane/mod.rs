@@ -20,6 +20,7 @@ mod mean_value;
 mod minimum;
 mod outline;
 pub mod partition;
+mod passes;
 pub mod path;
 mod preimage;
 #[cfg(test)]

@@ -1,7 +1,5 @@
 //! Host half of the kernel `map_points`.
 
-use rayon::prelude::*;
-
 use super::SUBMISSION;
 use super::tables::{BLOCK, PARAMS, PARAMS_LAYOUT, StepTables, VECTORS};
 use crate::engine::{BindGroup, BindingKind, Buffer, Gpu, Kernel, Layout, Pipeline, ReadbackRing, Table};
@@ -130,13 +128,13 @@ fn stage(gpu: &Gpu, step: &Step<f32>, from: &Tile, to: &Tile, wanted: bool, chai
         (true, true) => &MAP_POINTS_MANY,
         (false, true) => &MAP_POINTS_MANY_ALONE,
     })?;
-    let wide = step.cast::<f64>();
-    let record = |k: usize| VertexRecord {
-        image: step.outline.images[k],
+    let derivatives = if wanted { step.vertex_derivatives() } else { &[] };
+    let record = |(k, image): (usize, &[f32; 2])| VertexRecord {
+        image: *image,
         unused: [0.0; 2],
-        derivative: if wanted { wide.limit(k).derivative().map(|row| row.map(|x| x as f32)) } else { [[0.0; 2]; 2] },
+        derivative: derivatives.get(k).copied().unwrap_or_default(),
     };
-    let records: Vec<VertexRecord> = (0..n).into_par_iter().map(record).collect();
+    let records: Vec<VertexRecord> = step.outline.images.iter().enumerate().map(record).collect();
     let limits = gpu.table("vertex limits", &records)?;
     let tables = StepTables::new(gpu, step, None, chained)?;
     let bindings: Vec<_> = tables

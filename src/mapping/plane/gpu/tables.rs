@@ -25,14 +25,13 @@ pub struct PlaneParams {
     pixel: f32,
     loops: u32,
     chained: u32,
+    far: f32,
     unused0: u32,
     unused1: u32,
-    unused2: u32,
 }
 
 /// Layout of [`PlaneParams`].
-pub(super) const PARAMS_LAYOUT: Layout =
-    layout!(PlaneParams, { origin, pixel, loops, chained, unused0, unused1, unused2 });
+pub(super) const PARAMS_LAYOUT: Layout = layout!(PlaneParams, { origin, pixel, loops, chained, far, unused0, unused1 });
 
 /// The binding of the parameters. Loops and [`BLOCKS`] blocks of corners follow it, each of them [`VECTORS`].
 pub(super) const PARAMS: BindingKind = BindingKind::Uniform(size_of::<PlaneParams>() as u64);
@@ -66,6 +65,7 @@ impl StepTables {
             pixel: raster.map_or(0.0, |r| r.pixel as f32),
             loops: outline.loops.len() as u32,
             chained: u32::from(chained),
+            far: outline.far,
             ..PlaneParams::default()
         };
         let rings: Vec<[u32; 4]> = outline.loops.iter().map(|r| [r.start as u32, r.end as u32, 0, 0]).collect();
