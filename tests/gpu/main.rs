@@ -10,6 +10,7 @@ mod patterns;
 mod surface;
 mod transfer;
 mod transfer_sample;
+mod warp;
 
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
