@@ -12,6 +12,7 @@ fn kernels() -> Vec<&'static Kernel> {
         barymap::mapping::plane::gpu::KERNELS,
         barymap::surface::gpu::KERNELS,
         barymap::tools::transfer::gpu::KERNELS,
+        barymap::tools::warp::gpu::KERNELS,
     ]
     .concat()
 }

@@ -13,6 +13,7 @@ mod plane_cases;
 mod surface;
 mod transfer;
 mod transfer_sample;
+mod warp;
 
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};

@@ -51,6 +51,7 @@ pub(crate) struct MappingArguments {
 enum PathName {
     Intrinsic,
     Linear,
+    Compatible,
 }
 
 /// Names of the coordinates.
@@ -106,6 +107,7 @@ impl CageMap {
             path: match arguments.path {
                 PathName::Intrinsic => PathKind::Intrinsic,
                 PathName::Linear => PathKind::Linear,
+                PathName::Compatible => PathKind::Compatible,
             },
             eps: arguments.eps,
             samples: SampleOptions { resolution: arguments.resolution },

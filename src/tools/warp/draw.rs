@@ -104,6 +104,17 @@ impl Canvas {
         }
     }
 
+    /// Copies another picture with its upper left corner at (x, y).
+    pub fn paste(&mut self, other: &Self, x: i64, y: i64) {
+        for j in 0..other.height {
+            for i in 0..other.width {
+                let at = (j * other.width + i) * 3;
+                let color = [other.pixels[at], other.pixels[at + 1], other.pixels[at + 2]];
+                self.mix(x + i as i64, y + j as i64, color, 1.0);
+            }
+        }
+    }
+
     /// Digits, points, signs and `/` of 3 x 5 squares of `size` pixels, with the upper left corner at (x, y).
     pub fn figures(&mut self, text: &str, x: i64, y: i64, size: i64, color: [u8; 3]) {
         let mut left = x;

@@ -6,6 +6,7 @@ use super::band::Band;
 use super::cover::pixel_cover;
 use super::filter::Filter;
 use super::gather::Preimage;
+use super::gpu;
 use super::placement::Placement;
 use super::pyramid::{Pyramid, Texel};
 use super::store::{Colors, Outside, store};
@@ -117,7 +118,7 @@ pub fn warp_picture(
     let mut watch = Stopwatch::new();
     let pyramid = Pyramid::new(image, options.encoding)?;
     watch.lap("pyramid");
-    let job = Job { engine, image, map, options, pyramid, size: [width, height] };
+    let job = Job { engine, image, map, options, pyramid };
     let lattice = job.lattice()?;
     watch.lap("lattice");
     let alpha = options.outside == Outside::Transparent && !image.has_alpha();
@@ -139,7 +140,7 @@ pub fn warp_picture(
         }
         work.colors.clear();
         work.colors.resize(band.len(), [0.0; 4]);
-        band.gather(&job.pyramid, options.filter, &work.bases, &work.preimages, &mut work.colors);
+        job.gather(band, &mut work)?;
         watch.lap("filter");
         let keep = (options.outside == Outside::Keep).then_some(work.cover.as_slice());
         let colors = Colors { band, preimages: &work.preimages, colors: &work.colors, keep };
@@ -169,7 +170,6 @@ struct Job<'a> {
     map: &'a CompositeMap,
     options: &'a WarpOptions,
     pyramid: Pyramid<'a>,
-    size: [u32; 2],
 }
 
 /// The map sampled forward over the part of the picture that matters.
@@ -207,6 +207,19 @@ impl Job<'_> {
             Ok(mapped.into_iter().map(|m| o.target.to_pixels(m.point)).collect())
         })?;
         Ok(Some(Starts { lattice, clipped }))
+    }
+
+    /// The colours of a band, on the device if the engine has one for this stage.
+    fn gather(&self, band: Band, work: &mut Work) -> Result<()> {
+        let (pyramid, filter) = (&self.pyramid, self.options.filter);
+        let Work { bases, preimages, colors, .. } = work;
+        if let Some(gpu) = self.engine.gpu_for("warp_image")
+            && gpu::warp_image(gpu, pyramid, filter, bases, preimages, colors)?
+        {
+            return Ok(());
+        }
+        band.gather(pyramid, filter, bases, preimages, colors);
+        Ok(())
     }
 
     /// Pre-images of all pixels of a band that show something of the picture.
@@ -267,7 +280,7 @@ impl Job<'_> {
         work.jacobian.clear();
         work.jacobian.resize(band.len(), f32::NAN);
         work.bases.clear();
-        for place in &places {
+        for (block, place) in (0u32..).zip(&places) {
             let range = place.start..place.start + place.width * place.height;
             let at = |m: &Mapped| o.source.to_pixels(m.point);
             let middle = found[range.clone()].iter().flatten().map(at).find(|p| p.is_finite()).unwrap_or(DVec2::ZERO);
@@ -279,7 +292,7 @@ impl Job<'_> {
                 stats.mapped += 1;
                 let forward = o.source.derivative(&o.target, mapped.derivative);
                 work.jacobian[i] = forward.determinant() as f32;
-                work.preimages[i] = self.look(at(mapped), base, forward, cover(x, y));
+                work.preimages[i] = Preimage { block, ..self.look(at(mapped), base, forward, cover(x, y)) };
             }
         }
         let blank = |(p, [x, y]): &(&Preimage, &[u32; 2])| p.cover == 0.0 && cover(*x as usize, *y as usize) > 0.0;
@@ -291,7 +304,8 @@ impl Job<'_> {
     fn look(&self, at: DVec2, base: DVec2, forward: glam::DMat2, cover: f32) -> Preimage {
         let backward = forward.inverse();
         let (dx, dy) = (backward.x_axis, backward.y_axis);
-        // How much of the pixel sees the picture, from the distance to its sides in output pixels: no jagged borders.
+        // How much of the pixel sees the picture, from the distance to its sides in output pixels: no jagged borders. Where the
+        // cage ends with the picture, both say the same about the same border.
         let side = |p: f64, n: u32, gradient: f64| {
             let gradient = gradient.max(1e-9);
             (0.5 + p / gradient).clamp(0.0, 1.0) * (0.5 + (f64::from(n) - p) / gradient).clamp(0.0, 1.0)
@@ -301,7 +315,7 @@ impl Job<'_> {
             return Preimage::default();
         }
         let single = |v: DVec2| v.as_vec2().to_array();
-        Preimage { at: single(at - base), dx: single(dx), dy: single(dy), cover: cover * seen as f32, unused: 0.0 }
+        Preimage { at: single(at - base), dx: single(dx), dy: single(dy), cover: cover.min(seen as f32), block: 0 }
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::error::Error;
 use crate::error::Result;
 use crate::geometry::Polygon;
-use crate::mapping::plane::path::{Intrinsic, Linear, polygon_at};
+use crate::mapping::plane::path::{Compatible, Intrinsic, Linear, polygon_at};
 use crate::mapping::plane::{Cage, Partition, PathKind, VertexPath};
 
 /// The polygons of the map from the source to the polygon at `t` of the path: those of the partition before `t`, then that one.
@@ -26,7 +26,8 @@ pub fn cut(cage: &Cage, partition: &Partition, t: f64) -> Result<Vec<Polygon>> {
                 cage.source.nesting().map_err(|d| Error::input(d.to_string(), "Make the cage by Cage::new"))?;
             let path: Box<dyn VertexPath> = match partition.path {
                 PathKind::Linear => Box::new(Linear::new(cage)),
-                _ => Box::new(Intrinsic::new(cage)),
+                PathKind::Intrinsic => Box::new(Intrinsic::new(cage)),
+                PathKind::Compatible => Box::new(Compatible::new(cage)?),
             };
             polygon_at(path.as_ref(), t, &nesting)?
         }

@@ -17,8 +17,8 @@ pub struct Preimage {
     pub dy: [f32; 2],
     /// Share of the colour in the result, 0 for pixels that look nowhere: the others need finite numbers.
     pub cover: f32,
-    /// Fills the struct to 32 bytes.
-    pub unused: f32,
+    /// Number of the block it belongs to, for the kernel.
+    pub block: u32,
 }
 
 /// A block of output pixels with their pre-images, row by row.
@@ -43,17 +43,17 @@ struct Part {
 
 /// Texels from `low` to below `high`.
 #[derive(Clone, Copy, Debug)]
-struct Extent {
-    low: [i32; 2],
-    high: [i32; 2],
+pub(super) struct Extent {
+    pub(super) low: [i32; 2],
+    pub(super) high: [i32; 2],
 }
 
 impl Extent {
-    const EMPTY: Self = Self { low: [i32::MAX; 2], high: [i32::MIN; 2] };
+    pub(super) const EMPTY: Self = Self { low: [i32::MAX; 2], high: [i32::MIN; 2] };
 
     /// The texels within `reach` of the one that holds `p`.
     #[inline(always)]
-    fn around(p: [f32; 2], reach: [i32; 2]) -> Self {
+    pub(super) fn around(p: [f32; 2], reach: [i32; 2]) -> Self {
         let at = p.map(floor);
         Self {
             low: [at[0].saturating_sub(reach[0]), at[1].saturating_sub(reach[1])],
@@ -61,26 +61,33 @@ impl Extent {
         }
     }
 
+    /// What an ellipse about `p` reads; two texels more: the base may lie between texels of the level, and rows are rounded
+    /// outwards.
     #[inline(always)]
-    fn join(&mut self, other: &Self) {
+    pub(super) fn of_ellipse(p: [f32; 2], ellipse: &Ellipse) -> Self {
+        Self::around(p, ellipse.reach.map(|r| r as i32 + 3))
+    }
+
+    #[inline(always)]
+    pub(super) fn join(&mut self, other: &Self) {
         for a in 0..2 {
             self.low[a] = self.low[a].min(other.low[a]);
             self.high[a] = self.high[a].max(other.high[a]);
         }
     }
 
-    fn size(&self) -> [usize; 2] {
+    pub(super) fn size(&self) -> [usize; 2] {
         [0, 1].map(|a| (i64::from(self.high[a]) - i64::from(self.low[a])).max(0) as usize)
     }
 }
 
 /// Farther than this from the base, single precision does not tell pixels apart, nor is there a picture.
-const FARTHEST: f32 = 4_194_304.0;
+pub(super) const FARTHEST: f32 = 4_194_304.0;
 
 impl Preimage {
     /// The pre-image, kept where numbers of texels and parts of them are exact.
     #[inline(always)]
-    fn place(&self) -> [f32; 2] {
+    pub(super) fn place(&self) -> [f32; 2] {
         self.at.map(|v| v.clamp(-FARTHEST, FARTHEST))
     }
 }
@@ -311,8 +318,7 @@ impl Gather for Averaged<'_> {
 
     #[inline(always)]
     fn extent(&self, index: usize) -> Extent {
-        // Two more: the base may lie between texels of the level, and rows are rounded outwards.
-        Extent::around(self.place(index), self.ellipses[index].reach.map(|r| r as i32 + 3))
+        Extent::of_ellipse(self.place(index), &self.ellipses[index])
     }
 
     #[inline(always)]

@@ -14,6 +14,7 @@ pub mod ewa;
 pub mod filter;
 pub mod frames;
 pub mod gather;
+pub mod gpu;
 pub mod outline;
 pub mod pictures;
 pub mod placement;

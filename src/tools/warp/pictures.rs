@@ -16,6 +16,8 @@ const COLORS: [[f64; 3]; 5] =
     [[15.0, 45.0, 120.0], [75.0, 145.0, 205.0], [255.0, 255.0, 255.0], [240.0, 150.0, 70.0], [140.0, 20.0, 20.0]];
 /// Where the map folds.
 const FOLD: [u8; 3] = [255, 0, 255];
+/// Lines of a lattice.
+const LINE: [u8; 3] = [60, 60, 60];
 /// Where there is no Jacobian.
 const NOTHING: [u8; 3] = [205, 205, 205];
 /// The source polygon of an overlay.
@@ -24,18 +26,18 @@ pub const SOURCE_COLOR: [u8; 3] = [30, 110, 230];
 pub const TARGET_COLOR: [u8; 3] = [225, 40, 40];
 
 /// A picture of Jacobians, `width` to a row: logarithmic, from blue (shrunk) through white (1) to red (stretched); folds are
-/// magenta, places without a value grey. The scale on the right covers powers of two up to the largest that occur.
+/// magenta, places without a value grey. The scale on the right covers the powers of two that 99.5 % of
+/// the pixels need.
 ///
 /// # Errors
 /// If there are no pixels.
 pub fn heat_map(jacobian: &[f32], width: u32) -> Result<Image> {
     let height = jacobian.len() as u32 / width.max(1);
-    let mut most = 1.0_f64;
-    for j in jacobian.iter().filter(|j| **j > 0.0 && j.is_finite()) {
-        most = most.max(f64::from(*j).log2().abs());
-    }
-    // One extreme pixel, at a vertex, must not turn all others white.
-    let most = most.ceil().min(6.0);
+    let mut powers: Vec<f32> = jacobian.iter().filter(|j| **j > 0.0 && j.is_finite()).map(|j| j.log2().abs()).collect();
+    // A few extreme pixels, at vertices, must not turn all others white.
+    let rank = powers.len() * 199 / 200;
+    let most = if powers.is_empty() { 1.0 } else { *powers.select_nth_unstable_by(rank, f32::total_cmp).1 };
+    let most = f64::from(most).ceil().clamp(1.0, 6.0);
     let mut canvas = Canvas::new(width + SCALE_WIDTH, height, [255; 3]);
     for (k, &j) in jacobian.iter().enumerate() {
         let color = if j.is_nan() {
@@ -73,7 +75,8 @@ fn heat(value: f64) -> [u8; 3] {
     std::array::from_fn(|c| (COLORS[i][c] + f * (COLORS[i + 1][c] - COLORS[i][c])).round() as u8)
 }
 
-/// The lines of a square lattice in the source polygon, `cells` along the longer side, as the map carries them; on white.
+/// The lines of a square lattice in the source polygon, `cells` along the longer side, as the map carries them, magenta where it folds;
+/// on white.
 ///
 /// # Errors
 /// As the map's.
@@ -104,7 +107,8 @@ pub fn lattice_picture(
         for i in 1..line.len() {
             if inside[i - 1] && inside[i] {
                 let ends = [i - 1, i].map(|k| target.to_pixels(images[k].point));
-                canvas.line(ends[0], ends[1], 1.2, [60, 60, 60]);
+                let folds = images[i - 1].jacobian() <= 0.0 || images[i].jacobian() <= 0.0;
+                canvas.line(ends[0], ends[1], 1.2, if folds { FOLD } else { LINE });
             }
         }
     }
@@ -128,6 +132,21 @@ pub fn overlay(image: &Image, map: &CompositeMap, source: &Placement, target: &P
         for p in loops.iter().flatten() {
             canvas.disc(*p, 1.6 * width, color);
         }
+    }
+    canvas.into_image()
+}
+
+/// 8-bit RGB pictures in a row on white, `gap` pixels apart.
+///
+/// # Errors
+/// If there is no picture, or one whose samples do not fit its size.
+pub fn in_a_row(pictures: &[Image], gap: u32) -> Result<Image> {
+    let width = pictures.iter().map(|p| p.width + gap).sum::<u32>().saturating_sub(gap);
+    let mut canvas = Canvas::new(width, pictures.iter().map(|p| p.height).max().unwrap_or(0), [255; 3]);
+    let mut left = 0;
+    for picture in pictures {
+        canvas.paste(&Canvas::of(picture)?, left, 0);
+        left += i64::from(picture.width + gap);
     }
     canvas.into_image()
 }

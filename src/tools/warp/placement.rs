@@ -24,6 +24,17 @@ impl Placement {
         Self { scale: DVec2::new(1.0, -1.0) / unit, offset: DVec2::new(0.0, f64::from(height) / unit) }
     }
 
+    /// The rectangle from `low` to `high` fills a picture of `size` pixels as well as it fits, `margin` pixels apart from its sides;
+    /// y up.
+    pub fn fitting(low: DVec2, high: DVec2, size: [u32; 2], margin: f64) -> Self {
+        let size = DVec2::new(f64::from(size[0]), f64::from(size[1]));
+        let room = (size - 2.0 * margin).max(DVec2::ONE);
+        let unit = ((high - low) / room).max_element().max(f64::MIN_POSITIVE);
+        let middle = (low + high) * 0.5;
+        let scale = DVec2::new(unit, -unit);
+        Self { scale, offset: middle - size * 0.5 * scale }
+    }
+
     /// From pixels.
     pub fn to_units(&self, p: DVec2) -> DVec2 {
         p * self.scale + self.offset
@@ -54,6 +65,9 @@ mod tests {
         let unit = Placement::upward(200, 200);
         assert_eq!(unit.to_units(DVec2::new(0.0, 200.0)), DVec2::ZERO);
         assert_eq!(unit.to_units(DVec2::new(300.0, 0.0)), DVec2::new(1.5, 1.0));
+        let fitting = Placement::fitting(DVec2::new(-1.0, 0.0), DVec2::new(1.0, 1.0), [220, 400], 10.0);
+        assert!(fitting.to_pixels(DVec2::new(-1.0, 0.5)).distance(DVec2::new(10.0, 200.0)) < 1e-9);
+        assert!(fitting.to_pixels(DVec2::new(1.0, 1.0)).distance(DVec2::new(210.0, 150.0)) < 1e-9);
         for p in [DVec2::new(12.5, 70.25), DVec2::new(-3.0, 900.0)] {
             for placement in [unit, Placement::pixels(), Placement::upward(50, 120)] {
                 assert!(placement.to_pixels(placement.to_units(p)).distance(p) < 1e-9);

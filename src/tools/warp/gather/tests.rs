@@ -15,7 +15,7 @@ fn affine(width: usize, height: usize, a: [[f64; 2]; 2], b: [f64; 2]) -> (Vec<Pr
                 dx: [a[0][0] as f32, a[1][0] as f32],
                 dy: [a[0][1] as f32, a[1][1] as f32],
                 cover: 1.0,
-                unused: 0.0,
+                block: 0,
             }
         })
         .collect();
@@ -174,7 +174,7 @@ fn scattered_pixels_stay_within_memory() {
             dx: [1.0, 0.0],
             dy: [0.0, 1.0],
             cover: 1.0,
-            unused: 0.0,
+            block: 0,
         })
         .collect();
     for filter in FILTERS {
