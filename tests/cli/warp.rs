@@ -40,9 +40,9 @@ fn a_picture_is_bent_without_folds_and_the_report_says_so() {
     for name in ["h.png", "g.png", "v.png"] {
         assert!(f.image(name).height == 64, "{name}");
     }
-    // Two edges of the square stay where they are, and the corner of the picture comes along.
+    // Two edges of the square stay where they are, and beyond the corner there is nothing of the picture.
     assert!((out.get(0, 32, 0) - waves(64).get(0, 32, 0)).abs() < 0.06);
-    assert!((out.get(15, 15, 0) - waves(64).get(63, 63, 0)).abs() < 0.06);
+    assert!(out.get(10, 10, 0) > 0.0 && out.get(40, 40, 0) == 0.0);
 }
 
 #[test]
