@@ -103,11 +103,11 @@ fn a_minimum_that_is_nan_or_zero_is_a_fold_and_none_is_asked_for_twice() {
             asked += pairs.len();
             Ok(vec![Minimum { value, at: DVec2::ZERO, kind: MinimumKind::Interior }; pairs.len()])
         };
-        let options = PartitionOptions { eps: 0.25, path: PathKind::Linear, ..PartitionOptions::default() };
         let nesting = cage.source.nesting().unwrap();
         let path = Linear::new(&cage);
         let mut steps = Steps::new(&path, &nesting, Coordinates::MeanValue, &mut evaluate, &Quiet);
-        let found = steps.partition(&options).unwrap_or_else(|_| panic!("the path is simple"));
+        let limits = Limits { eps: 0.25, steps: 100 };
+        let found = steps.partition(PartitionKind::Binary, &limits).unwrap_or_else(|_| panic!("the path is simple"));
         assert!(found.folds() && found.steps.len() == 4);
         assert_eq!((calls, asked), (3, 1 + 2 + 4), "a depth is one call");
     }
