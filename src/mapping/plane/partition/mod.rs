@@ -23,7 +23,7 @@ const MAX_VERTICES: u64 = 1 << 24;
 /// Steps of the last path, at most, whatever `eps` is.
 const MOST_STEPS: usize = 1024;
 /// The last path may be halved down to this part of `eps`: it is slow where it passes thin parts.
-const LAST_RESORT: f64 = 1.0 / 128.0;
+const LAST_RESORT: f64 = 1.0 / 65_536.0;
 /// The smallest `eps`: a binary partition has at most `2 / eps` steps along a path that `eps` applies to.
 const LEAST_EPS: f64 = 1e-4;
 
