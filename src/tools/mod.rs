@@ -4,3 +4,4 @@ pub mod render;
 pub mod stopwatch;
 pub mod transfer;
 pub mod vertex_map;
+pub mod warp;

@@ -6,3 +6,4 @@ mod pairs;
 mod steps;
 mod support;
 mod transfer;
+mod warp;

@@ -6,6 +6,9 @@ mod common;
 mod embedding;
 mod io;
 mod models;
+mod plane;
+#[path = "../common/plane.rs"]
+mod plane_cases;
 mod render;
 mod shaders;
 mod transfer;

@@ -7,7 +7,14 @@ use std::path::Path;
 use barymap::engine::{Kernel, reflect};
 
 fn kernels() -> Vec<&'static Kernel> {
-    [barymap::engine::KERNELS, barymap::surface::gpu::KERNELS].concat()
+    [
+        barymap::engine::KERNELS,
+        barymap::mapping::plane::gpu::KERNELS,
+        barymap::surface::gpu::KERNELS,
+        barymap::tools::transfer::gpu::KERNELS,
+        barymap::tools::warp::gpu::KERNELS,
+    ]
+    .concat()
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! The command line of barymap.
 
+mod cage_map;
 mod check;
 mod common;
 mod demo;
@@ -10,6 +11,8 @@ mod method;
 mod progress_bar;
 mod render;
 mod transfer;
+mod warp;
+mod warp_points;
 mod weights;
 
 use std::process::ExitCode;
@@ -47,6 +50,10 @@ enum Command {
     Map(map::Arguments),
     /// Transfers a texture from one mesh to a different one
     Transfer(transfer::Arguments),
+    /// Warps a picture by a cage, without folds
+    Warp(warp::Arguments),
+    /// Warps points and outlines by a cage, either way
+    WarpPoints(warp_points::Arguments),
     /// A shaded picture of a mesh, to look at results
     Render(render::Arguments),
 }
@@ -62,6 +69,8 @@ fn run(cli: &Cli) -> Result<()> {
         Command::Check(a) => check::run(common, a),
         Command::Map(a) => map::run(common, a),
         Command::Transfer(a) => transfer::run(common, a),
+        Command::Warp(a) => warp::run(common, a),
+        Command::WarpPoints(a) => warp_points::run(common, a),
         Command::Render(a) => render::run(common, a),
     }
 }

@@ -7,10 +7,12 @@
 
 use rayon::prelude::*;
 
+use super::gpu;
 use super::samples::{EdgeSamples, Raster, contains, on_edge};
 use super::step::{Coordinates, Step};
+use super::sweep::{SweepPoints, SweepStep};
 use super::{Frame, Minimum, MinimumKind, SampleOptions};
-use crate::engine::Engine;
+use crate::engine::{Backend, Engine, LaneScalar, Lanes};
 use crate::error::{Error, Result};
 use crate::geometry::Polygon;
 
@@ -19,6 +21,12 @@ pub const MOST_RESOLUTION: u32 = 8192;
 
 /// Samples of the interior, and of the edges, that are followed to a minimum.
 const FOLLOWED: usize = 6;
+
+/// Neighbouring pixels of which only the smallest Jacobian is kept.
+pub(super) const PIECE: u32 = 16;
+
+/// Pieces that one task takes.
+const TASK: usize = 64;
 
 /// Samples nearer to one another than this, in pixels, lead to the same minimum.
 const APART: f64 = 6.0;
@@ -48,7 +56,6 @@ pub fn jacobian_min(
     pairs: &[(Polygon, Polygon)],
     options: &SampleOptions,
 ) -> Result<Vec<Minimum>> {
-    let _ = engine;
     if !(1..=MOST_RESOLUTION).contains(&options.resolution) {
         return Err(Error::option(
             "--resolution",
@@ -59,7 +66,31 @@ pub fn jacobian_min(
     for (from, to) in pairs {
         check(coordinates, from, to)?;
     }
-    Ok(pairs.iter().map(|(from, to)| minimum(coordinates, from, to, options)).collect())
+    let steps: Vec<(Step<f64>, Raster)> = pairs
+        .par_iter()
+        .map(|(from, to)| {
+            let step = Step::new(coordinates, from, to, Frame::common_scale([from, to]));
+            let raster = Raster::new(&step.outline, options.resolution);
+            (step, raster)
+        })
+        .collect();
+    let interior = interior(engine, &steps)?;
+    let found = pairs.iter().zip(steps.iter().zip(interior));
+    Ok(found.map(|((from, to), ((step, raster), interior))| minimum(from, to, step, raster, interior)).collect())
+}
+
+/// The smallest samples of the interiors, where `engine` works. What the kernel cannot do the CPU does.
+fn interior(engine: &Engine, steps: &[(Step<f64>, Raster)]) -> Result<Vec<Vec<Sample>>> {
+    let device = engine.gpu_for("jacobian_min");
+    if let Some(device) = device.filter(|_| steps.iter().all(|(step, _)| gpu::fits(step))) {
+        let single: Vec<(Step<f32>, Raster)> = steps.iter().map(|(s, raster)| (s.cast(), raster.clone())).collect();
+        return gpu::piece_minima(device, &single);
+    }
+    let samples = match engine.backend() {
+        Backend::Reference => interior_samples::<f64>,
+        _ => interior_samples::<f32>,
+    };
+    Ok(steps.iter().map(|(step, raster)| samples(step, raster)).collect())
 }
 
 /// Refuses pairs that cannot be mapped.
@@ -78,21 +109,17 @@ pub(super) fn check(coordinates: Coordinates, from: &Polygon, to: &Polygon) -> R
     coordinates.check(from)
 }
 
-fn minimum(coordinates: Coordinates, from: &Polygon, to: &Polygon, options: &SampleOptions) -> Minimum {
-    let scale = Frame::common_scale([from, to]);
-    let step = Step::<f64>::new(coordinates, from, to, scale);
-    let raster = Raster::new(&step.outline, options.resolution);
-    let interior = interior_samples(&step, &raster);
-    let mut best = vertices(&step, from);
-    let frame = Frame::of(from, scale);
+fn minimum(from: &Polygon, to: &Polygon, step: &Step<f64>, raster: &Raster, interior: Vec<Sample>) -> Minimum {
+    let frame = Frame::of(from, Frame::common_scale([from, to]));
+    let mut best = vertices(step, from);
     let mut offer = |sample: Option<Sample>, kind: MinimumKind| {
         let Some(sample) = sample else { return };
         if !(best.value <= sample.value + ROUNDING * sample.value.abs().max(1.0)) {
             best = Minimum { value: sample.value, at: frame.world(sample.at), kind };
         }
     };
-    offer(edges(&step), MinimumKind::Edge);
-    offer(follow(&step, &raster, interior), MinimumKind::Interior);
+    offer(edges(step), MinimumKind::Edge);
+    offer(follow(step, raster, interior), MinimumKind::Interior);
     best
 }
 
@@ -132,9 +159,18 @@ fn edges(step: &Step<f64>) -> Option<Sample> {
     let outline = &step.outline;
     let samples = EdgeSamples::new(outline.len());
     let ends: Vec<(usize, usize)> = outline.edges().collect();
+    let sweep = SweepStep::new(step);
+    let lanes = Lanes::detect();
     let per_edge: Vec<Vec<Sample>> = ends
-        .par_iter()
-        .map(|&(i, k)| samples.fractions.iter().map(|&s| jacobian(step, on_edge(outline, i, k, s))).collect())
+        .par_chunks(TASK)
+        .flat_map_iter(|ends| {
+            let place = |&(i, k): &(usize, usize)| samples.fractions.iter().map(move |&s| on_edge(outline, i, k, s));
+            let points: Vec<[f64; 2]> = ends.iter().flat_map(place).collect();
+            let jacobians = sweep.jacobians(lanes, &SweepPoints::new(&points, None));
+            let all: Vec<Sample> =
+                points.into_iter().zip(jacobians).map(|(at, j)| Sample { value: judged(j), at }).collect();
+            all.chunks(samples.fractions.len()).map(<[Sample]>::to_vec).collect::<Vec<_>>()
+        })
         .collect();
     // Samples no larger than their neighbours on the edge.
     let mut low: Vec<(f64, usize, usize)> = Vec::new();
@@ -183,12 +219,24 @@ fn golden_section(range: std::ops::Range<f64>, f: impl Fn(f64) -> Sample) -> Sam
     best
 }
 
-/// The smallest sample of every run of the raster.
-fn interior_samples(step: &Step<f64>, raster: &Raster) -> Vec<Sample> {
+/// The smallest sample of every piece of the raster, on lanes.
+fn interior_samples<E: LaneScalar>(step: &Step<f64>, raster: &Raster) -> Vec<Sample> {
+    let step = step.cast::<E>();
+    let sweep = SweepStep::new(&step);
+    let lanes = Lanes::detect();
     raster
-        .runs
-        .par_iter()
-        .filter_map(|run| least((0..run.count).map(|i| jacobian(step, raster.centre(run.row, run.first + i)))))
+        .pieces(PIECE)
+        .par_chunks(TASK)
+        .flat_map_iter(|pieces| {
+            let centres = pieces.iter().flat_map(|run| (0..run.count).map(|i| raster.centre(run.row, run.first + i)));
+            let points: Vec<[E; 2]> = centres.map(|p| p.map(E::of)).collect();
+            let jacobians = sweep.jacobians(lanes, &SweepPoints::new(&points, None));
+            let mut samples = points
+                .into_iter()
+                .zip(jacobians)
+                .map(|(p, j)| Sample { value: judged(j.to_f64()), at: p.map(E::to_f64) });
+            pieces.iter().filter_map(|run| least(samples.by_ref().take(run.count as usize))).collect::<Vec<_>>()
+        })
         .collect()
 }
 

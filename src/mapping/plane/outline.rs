@@ -6,6 +6,9 @@ use super::Frame;
 use crate::engine::Real;
 use crate::geometry::Polygon;
 
+/// Radius of that circle in diagonals of the bounding box, whose centre is the origin.
+const FAR: f64 = 0.6;
+
 /// Vertices of the polygon a step starts from, and what they are moved by.
 #[derive(Clone, Debug)]
 pub(super) struct Outline<R> {
@@ -17,6 +20,8 @@ pub(super) struct Outline<R> {
     pub(super) displacements: Vec<[R; 2]>,
     /// The loops as ranges of vertices; each has at least one.
     pub(super) loops: Vec<Range<usize>>,
+    /// Squared distance from the origin beyond which a point is far away: a circle around the polygon with a margin.
+    pub(super) far: R,
 }
 
 impl<R: Real> Outline<R> {
@@ -39,7 +44,20 @@ impl<R: Real> Outline<R> {
             loops.push(first..first + ring.len());
             first += ring.len();
         }
-        Self { vertices, images, displacements, loops }
+        let radius = FAR * from.size() * scale;
+        Self { vertices, images, displacements, loops, far: R::of(radius * radius) }
+    }
+
+    /// The same in another precision.
+    pub(super) fn cast<T: Real>(&self) -> Outline<T> {
+        let all = |list: &[[R; 2]]| list.iter().map(|v| v.map(|x| T::of(x.to_f64()))).collect();
+        Outline {
+            vertices: all(&self.vertices),
+            images: all(&self.images),
+            displacements: all(&self.displacements),
+            loops: self.loops.clone(),
+            far: T::of(self.far.to_f64()),
+        }
     }
 
     /// Number of vertices.

@@ -61,6 +61,17 @@ impl Raster {
         Self { origin: low, pixel, runs }
     }
 
+    /// The runs, cut into pieces of at most `most` pixels that are as equal as may be.
+    pub(super) fn pieces(&self, most: u32) -> Vec<Run> {
+        let cut = |run: &Run| {
+            let Run { row, first, count } = *run;
+            let parts = count.div_ceil(most);
+            let start = move |k: u32| (u64::from(count) * u64::from(k) / u64::from(parts)) as u32;
+            (0..parts).map(move |k| Run { row, first: first + start(k), count: start(k + 1) - start(k) })
+        };
+        self.runs.iter().flat_map(cut).collect()
+    }
+
     /// The centre of pixel `column` of a row.
     pub(super) fn centre(&self, row: u32, column: u32) -> [f64; 2] {
         let at = |axis: usize, i: u32| self.origin[axis] + (f64::from(i) + 0.5) * self.pixel;

@@ -2,8 +2,11 @@
 
 use std::fmt;
 use std::str::FromStr;
+use std::sync::OnceLock;
 
-use super::outline::Outline;
+use rayon::prelude::*;
+
+use super::outline::{Outline, dot};
 use super::vertex_limit::VertexLimit;
 use super::{mean_value, wachspress};
 use crate::engine::Real;
@@ -90,12 +93,19 @@ pub struct Evaluation<R> {
 pub struct Step<R> {
     pub(super) coordinates: Coordinates,
     pub(super) outline: Outline<R>,
+    /// Derivatives at the vertices, once they are asked for.
+    derivatives: OnceLock<Vec<[[R; 2]; 2]>>,
 }
 
 impl<R: Real> Step<R> {
     /// The step from `from` to `to`. Both must have the same loops; [`Coordinates::check`] tells whether the coordinates exist.
     pub fn new(coordinates: Coordinates, from: &Polygon, to: &Polygon, scale: f64) -> Self {
-        Self { coordinates, outline: Outline::new(from, to, scale) }
+        Self { coordinates, outline: Outline::new(from, to, scale), derivatives: OnceLock::new() }
+    }
+
+    /// The same step in another precision.
+    pub fn cast<T: Real>(&self) -> Step<T> {
+        Step { coordinates: self.coordinates, outline: self.outline.cast(), derivatives: OnceLock::new() }
     }
 
     /// The image of `p`.
@@ -144,12 +154,10 @@ impl<R: Real> Step<R> {
                 let q = wachspress::pivot(outline, p);
                 let mut sums = Sums::new(outline, q);
                 wachspress::visit::<R, true>(outline, p, q, |i, w, g| sums.add_gradient(i, w, g));
-                let branch = if p == outline.vertices[q] { Branch::AtVertex(q) } else { Branch::Inside };
-                let mut evaluation = sums.evaluation(p, branch);
-                if branch == Branch::AtVertex(q) {
-                    evaluation.point = outline.images[q];
+                if outline.vertices.get(q) == Some(&p) {
+                    return Evaluation { point: outline.images[q], ..sums.evaluation(p, Branch::AtVertex(q)) };
                 }
-                evaluation
+                sums.evaluation(p, Branch::Inside)
             }
         }
     }
@@ -170,6 +178,15 @@ impl<R: Real> Step<R> {
         let before = if k == ring.start { ring.end - 1 } else { k - 1 };
         let after = if k + 1 == ring.end { ring.start } else { k + 1 };
         VertexLimit::new(&self.outline, before, k, after)
+    }
+
+    /// The derivatives along the bisectors at all vertices, from double precision. O(n^2), once.
+    pub(super) fn vertex_derivatives(&self) -> &[[[R; 2]; 2]] {
+        self.derivatives.get_or_init(|| {
+            let wide = self.cast::<f64>();
+            let derivative = |k: usize| wide.limit(k).derivative().map(|row| row.map(R::of));
+            (0..self.outline.len()).into_par_iter().map(derivative).collect()
+        })
     }
 
     /// The coordinates of `p`, vertex by vertex.
@@ -228,6 +245,8 @@ struct Sums<'a, R> {
     outline: &'a Outline<R>,
     base: [R; 2],
     weight: R,
+    /// Sum of the weights times the vertices.
+    moment: [R; 2],
     moved: [R; 2],
     weight_gradient: [R; 2],
     moved_gradient: [[R; 2]; 2],
@@ -240,6 +259,7 @@ impl<'a, R: Real> Sums<'a, R> {
             outline,
             base: outline.displacements.get(pivot).copied().unwrap_or(zero),
             weight: R::ZERO,
+            moment: zero,
             moved: zero,
             weight_gradient: zero,
             moved_gradient: [zero; 2],
@@ -248,9 +268,10 @@ impl<'a, R: Real> Sums<'a, R> {
 
     #[inline(always)]
     fn add(&mut self, i: usize, w: R) {
-        let u = self.outline.displacements[i];
+        let (v, u) = (self.outline.vertices[i], self.outline.displacements[i]);
         self.weight += w;
         for axis in 0..2 {
+            self.moment[axis] += w * v[axis];
             self.moved[axis] += w * (u[axis] - self.base[axis]);
         }
     }
@@ -267,12 +288,20 @@ impl<'a, R: Real> Sums<'a, R> {
         }
     }
 
+    /// The sum W of the weights. Far away it cancels, to (h / R)^2 of its terms; there it is taken from W p = sum w_i v_i, the
+    /// linear precision of the coordinates, whose terms cancel to h / R only.
+    fn total(&self, p: [R; 2]) -> R {
+        let square = dot(p, p);
+        if square > self.outline.far { dot(self.moment, p) / square } else { self.weight }
+    }
+
     fn image(&self, p: [R; 2]) -> [R; 2] {
-        std::array::from_fn(|axis| p[axis] + (self.base[axis] + self.moved[axis] / self.weight))
+        let total = self.total(p);
+        std::array::from_fn(|axis| p[axis] + (self.base[axis] + self.moved[axis] / total))
     }
 
     fn evaluation(&self, p: [R; 2], branch: Branch) -> Evaluation<R> {
-        let inverse = R::ONE / self.weight;
+        let inverse = R::ONE / self.total(p);
         let mut derivative = [[R::ONE, R::ZERO], [R::ZERO, R::ONE]];
         for row in 0..2 {
             let mean = self.moved[row] * inverse;

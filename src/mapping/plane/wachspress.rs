@@ -85,6 +85,9 @@ pub(super) fn visit<R: Real, const GRADIENT: bool>(
     mut each: impl FnMut(usize, R, [R; 2]),
 ) {
     let n = outline.len();
+    if n == 0 {
+        return;
+    }
     let before = |i: usize| (i + n - 1) % n;
     let own = corner(outline, q);
     for i in 0..n {

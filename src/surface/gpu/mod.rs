@@ -2,7 +2,7 @@
 //!
 //! | kernel | what it does | reference |
 //! |---|---|---|
-//! | `average_anchors` | inverse problem and average | [`average_fused`](crate::surface::average::average_fused) |
+//! | `average_anchors` | inverse problem and average | [`FusedWeights`](crate::surface::average::FusedWeights) |
 //! | `project_phong` | projection by walks over vertices and triangles | [`PhongSurface::project`](crate::surface::PhongSurface::project) |
 //! | `search_phong` | the first level of the search, for what the walks leave | the same |
 //!
@@ -13,7 +13,7 @@ mod map;
 mod project_phong;
 mod tables;
 
-pub use average_anchors::{AverageParams, MOST_ANCHORS};
+pub use average_anchors::{AverageParams, BLOCK_ANCHORS};
 pub use map::DeviceMap;
 pub use project_phong::{ProjectParams, Projected};
 pub use tables::SurfaceTables;
@@ -51,7 +51,7 @@ pub fn correspondence_on(
     if !options.method.needs_embedding() {
         return on_cpu(Some(format!("method {} runs on the CPU", options.method.name())));
     }
-    if let Some(why) = DeviceMap::obstacle(engine, dimension(&source, &target)?, anchors.len()) {
+    if let Some(why) = DeviceMap::obstacle(engine, dimension(&source, &target)?) {
         return on_cpu(Some(format!("the correspondence runs on the CPU: {why}")));
     }
     anchors.check((source.mesh, source.topology), (target.mesh, target.topology))?;
