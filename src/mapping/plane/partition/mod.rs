@@ -20,7 +20,11 @@ use steps::{Found, Steps};
 
 /// Vertices of all polygons of a partition, at most: bounds the memory of `uniform:M` and of small `eps`.
 const MAX_VERTICES: u64 = 1 << 24;
-/// The smallest `eps`: a binary partition has at most `2 / eps` steps.
+/// Steps of the last path, at most, whatever `eps` is.
+const MOST_STEPS: usize = 1024;
+/// The last path may be halved down to this part of `eps`: it is slow where it passes thin parts.
+const LAST_RESORT: f64 = 1.0 / 65_536.0;
+/// The smallest `eps`: a binary partition has at most `2 / eps` steps along a path that `eps` applies to.
 const LEAST_EPS: f64 = 1e-4;
 
 /// How the steps are chosen.
@@ -95,6 +99,14 @@ pub struct Partition {
     pub sufficient_bound: SufficientBound,
 }
 
+/// How far a partition is refined.
+struct Limits {
+    /// Steps no longer than this are not halved any more.
+    eps: f64,
+    /// Nor are any once there are so many.
+    steps: usize,
+}
+
 /// Why a path did not lead to a partition.
 enum Stop {
     /// The path is of no use; another may be.
@@ -123,7 +135,7 @@ pub fn partition(
 ///
 /// Every polygon is checked for simplicity, orientation and nesting before it is used. Where the path has none at a knot, or
 /// where a refinement ends with a step that still folds, the next path is tried in the order intrinsic, linear, compatible, and
-/// a note says so. If refinement fails on all of them, the partition of the first that has one is returned with `folds`. The
+/// a note says so; the last of them may be halved further than `eps`, since it can be slow where it passes thin parts. If refinement fails on all of them, the partition of the first that has one is returned with `folds`. The
 /// minimum of an interval is asked for once.
 ///
 /// # Errors
@@ -156,8 +168,13 @@ pub fn partition_with(
             },
         };
         progress.stage(&format!("partition along the {} path", kind.name()), 0);
+        let mut limits = Limits { eps: options.eps, steps: (2.0 / options.eps) as usize };
+        if kind == PathKind::Compatible {
+            limits.eps *= LAST_RESORT;
+            limits.steps = limits.steps.max(MOST_STEPS);
+        }
         let mut steps = Steps::new(path.as_ref(), &nesting, options.coordinates, evaluate, progress);
-        match steps.partition(options) {
+        match steps.partition(options.kind, &limits) {
             Ok(found)
                 if !found.folds() || matches!(options.kind, PartitionKind::Direct | PartitionKind::Uniform(_)) =>
             {
@@ -174,7 +191,11 @@ pub fn partition_with(
     }
     match folded {
         Some(found) => {
-            notes.push(format!("no path avoids folds at eps = {}; the {} one is kept", options.eps, found.path.name()));
+            notes.push(format!(
+                "no path avoids folds at eps = {}; the {} one is kept. A smaller eps may help, or moving vertices apart",
+                options.eps,
+                found.path.name()
+            ));
             Ok(finish(found, notes, options.coordinates))
         }
         None => Err(Error::numeric(
@@ -186,7 +207,12 @@ pub fn partition_with(
 
 /// The sentence that names the path in the end, where it is not the first one tried.
 fn note_of(notes: &[String], kind: PathKind) -> Option<String> {
-    (!notes.is_empty()).then(|| format!("the {} path is used", kind.name()))
+    (!notes.is_empty() || kind == PathKind::Compatible).then(|| match kind {
+        PathKind::Compatible => {
+            "the compatible path is used, with steps shorter than eps where it needs them".to_owned()
+        }
+        _ => format!("the {} path is used", kind.name()),
+    })
 }
 
 /// The error without its remedy, which speaks of what is being done already.
@@ -237,7 +263,7 @@ fn check_options(cage: &Cage, options: &PartitionOptions) -> Result<()> {
             return Err(Error::option("partition", "a uniform partition has no steps", "Give at least 1"));
         }
         PartitionKind::Uniform(steps) => u64::from(steps),
-        _ => (2.0 / options.eps).ceil() as u64,
+        _ => ((2.0 / options.eps).ceil() as u64).max(MOST_STEPS as u64),
     };
     let vertices = cage.source.vertex_count() as u64;
     if (steps + 1).saturating_mul(vertices) > MAX_VERTICES {

@@ -83,13 +83,27 @@ fn uniform_partitions_are_what_they_say() {
 
 #[test]
 fn a_leaf_that_folds_is_not_passed_over() {
-    // Not to be reached with so few steps; on every path.
-    let cage = cage(&square(0.0), &square(0.9));
+    // Along every path, and however often it is halved.
+    let cage = cage(&square(0.0), &square(0.5));
     for kind in [PartitionKind::Binary, PartitionKind::UniformAuto, PartitionKind::Continuous] {
-        let found = found(&cage, &PartitionOptions { kind, eps: 0.5, ..binary(PathKind::Intrinsic, 32) });
+        let mut largest = 0;
+        let mut evaluate = |pairs: &[(Polygon, Polygon)]| {
+            largest = largest.max(pairs.len());
+            let folds = |(from, _): &(Polygon, Polygon)| Minimum {
+                value: if from == &cage.source { -1.0 } else { 1.0 },
+                at: dvec2(0.5, 0.25),
+                kind: MinimumKind::Vertex,
+            };
+            Ok(pairs.iter().map(folds).collect())
+        };
+        let options = PartitionOptions { kind, eps: 0.25, ..binary(PathKind::Intrinsic, 32) };
+        let found = partition_with(&mut evaluate, &cage, &options, &Quiet).unwrap();
         assert!(found.folds && found.path == PathKind::Intrinsic, "{kind:?}");
-        assert!(found.steps.iter().any(|step| !step.minimum.positive()));
-        assert!(found.notes[0].contains("steps still fold") && found.notes.last().unwrap().contains("eps"));
+        assert!(!found.steps[0].minimum.positive() && found.steps[0].to <= 0.25);
+        assert_eq!(found.notes.len(), 4, "one for each path, and what became of them: {:?}", found.notes);
+        assert!(found.notes[0].contains("intrinsic path 1 of") && found.notes[0].contains("at (0.500000, 0.250000)"));
+        assert!(found.notes[3].contains("no path avoids folds at eps = 0.25"));
+        assert!(largest <= 1024, "{largest} at once");
     }
 }
 
@@ -103,11 +117,11 @@ fn a_minimum_that_is_nan_or_zero_is_a_fold_and_none_is_asked_for_twice() {
             asked += pairs.len();
             Ok(vec![Minimum { value, at: DVec2::ZERO, kind: MinimumKind::Interior }; pairs.len()])
         };
-        let options = PartitionOptions { eps: 0.25, path: PathKind::Linear, ..PartitionOptions::default() };
         let nesting = cage.source.nesting().unwrap();
         let path = Linear::new(&cage);
         let mut steps = Steps::new(&path, &nesting, Coordinates::MeanValue, &mut evaluate, &Quiet);
-        let found = steps.partition(&options).unwrap_or_else(|_| panic!("the path is simple"));
+        let limits = Limits { eps: 0.25, steps: 100 };
+        let found = steps.partition(PartitionKind::Binary, &limits).unwrap_or_else(|_| panic!("the path is simple"));
         assert!(found.folds() && found.steps.len() == 4);
         assert_eq!((calls, asked), (3, 1 + 2 + 4), "a depth is one call");
     }

@@ -12,6 +12,8 @@
 mod cut;
 mod overlay;
 mod system;
+#[cfg(test)]
+mod tests;
 mod triangulation;
 
 use std::collections::BTreeSet;
