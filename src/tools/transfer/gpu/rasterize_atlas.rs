@@ -63,8 +63,11 @@ pub struct Rasterizer<'a> {
 }
 
 impl<'a> Rasterizer<'a> {
-    /// Device memory, and host memory of the device's copies, taken beside [`Rasterizer::new`]'s triangles.
-    pub const BYTES: u64 = (MOST_TEXELS * size_of::<AtlasTexel>() * 4) as u64;
+    /// Bytes on the device, and of the host's copies on the way, for an atlas of so many records.
+    pub fn bytes(triangles: usize) -> u64 {
+        let texels = MOST_TEXELS * size_of::<AtlasTexel>() * 4;
+        (texels + 2 * (triangles * size_of::<AtlasTriangle>() + entries(triangles) * size_of::<BinEntry>())) as u64
+    }
 
     /// Why `gpu` cannot hold an atlas of so many records; `None` if it can.
     pub fn obstacle(gpu: &Gpu, triangles: usize) -> Option<String> {
@@ -109,7 +112,7 @@ impl<'a> Rasterizer<'a> {
             return Ok(());
         }
         let width = tile.width as usize;
-        let most = table_records(self.gpu, size_of::<BinEntry>());
+        let most = table_records(self.gpu, size_of::<BinEntry>()).min(entries(triangles.len()));
         if bins.entries.len() > most || width > self.texels.len() {
             self.left += tile.texels() as u64;
             atlas::rasterize_atlas(tile, bins, triangles, texels);
@@ -178,6 +181,11 @@ impl<'a> Rasterizer<'a> {
             self.left += dense.len() as u64;
         }
     }
+}
+
+/// Entries in the bins of a tile beyond which it goes through the reference: more than tiles of usual meshes have.
+fn entries(triangles: usize) -> usize {
+    4 * triangles + (1 << 16)
 }
 
 /// Records of `bytes` bytes that a table can hold.

@@ -5,7 +5,6 @@ use super::rasterize_atlas::{RASTERIZE_ATLAS, Rasterizer};
 use super::sample_texture::{DeviceTexture, SAMPLE_TEXTURE, Sampler};
 use crate::engine::{Engine, Gpu};
 use crate::geometry::Mesh;
-use crate::tools::transfer::atlas::{AtlasTriangle, BinEntry};
 use crate::tools::transfer::{Layer, TransferOptions};
 
 /// What the upload of pictures takes for a while.
@@ -70,20 +69,17 @@ impl<'a> Stages<'a> {
         self.pad
     }
 
-    /// Bytes at most of what the stages hold on devices, and of the host's copies on the way; bins but for those of the least band
-    /// aside.
+    /// Bytes at most of what the stages hold on devices, and of the host's copies on the way.
     pub(in crate::tools::transfer) fn bytes(
         &self,
         target: &Mesh,
         layers: &[Layer<'_>],
         options: &TransferOptions,
     ) -> u64 {
-        let triangles = target.triangle_count() as u64;
-        let record = (2 * size_of::<AtlasTriangle>() + 8 * size_of::<BinEntry>()) as u64;
         let grids = if options.supersample > 1 { 2 } else { 1 };
         let mut bytes = 0;
         if self.rasterize.is_some() {
-            bytes += grids * (Rasterizer::BYTES + triangles * record);
+            bytes += grids * Rasterizer::bytes(target.triangle_count());
         }
         if self.sample.is_some() {
             let images = layers.iter().flat_map(|l| &l.images);
