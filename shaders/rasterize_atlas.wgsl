@@ -44,8 +44,10 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let y = params.y + index / params.width;
     let bin = (y / BIN - params.first_y) * params.columns + x / BIN - params.first_x;
     let first = starts[bin];
-    let past = starts[bin + 1u];
-    var end = select(past, first, past - first > params.most);
+    var end = starts[bin + 1u];
+    if end - first > params.most {
+        end = first;
+    }
     let i = i32(x % BIN);
     let j = i32(y % BIN);
     let centre = vec2i(i32(x), i32(y)) * SUBTEXEL + SUBTEXEL / 2;
