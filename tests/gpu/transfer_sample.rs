@@ -476,13 +476,11 @@ fn the_comparison_of_transfers_finds_differences() {
         Pixels::U8(v) => std::mem::take(v),
         _ => panic!("8 bits expected"),
     };
-    for (index, change) in [(500, 2_u8), (500, 255)] {
-        let mut bad = good.clone();
-        let mut v = bytes(&mut bad.layers[0]);
-        v[index] = v[index].wrapping_add(change);
-        bad.layers[0].pixels = Pixels::U8(v);
-        assert!(same_transfer(&good, &bad).is_err() || change == 255);
-    }
+    let mut bad = good.clone();
+    let mut v = bytes(&mut bad.layers[0]);
+    v[500] = v[500].wrapping_add(2);
+    bad.layers[0].pixels = Pixels::U8(v);
+    assert!(same_transfer(&good, &bad).is_err());
     // A step everywhere is no rounding.
     let mut bad = good.clone();
     let v = bytes(&mut bad.layers[0]);
