@@ -47,6 +47,6 @@ pub use lattice::{Lattice, LatticeOptions};
 pub use map_points::{map_points, map_points_on_cpu, map_points_with_derivatives};
 pub use minimum::{Minimum, MinimumKind, SampleOptions};
 pub use partition::{Partition, PartitionKind, PartitionOptions, StepReport, partition, partition_with};
-pub use path::{PathKind, VertexPath};
+pub use path::{PathKind, VertexPath, vertex_path};
 pub use preimage::Preimages;
 pub use step::{Branch, Coordinates, Evaluation, Step, coordinates};

@@ -13,13 +13,13 @@ use crate::geometry::Polygon;
 use crate::progress::Progress;
 
 use super::bounds::{SufficientBound, sufficient_bound};
-use super::path::{Compatible, Intrinsic, Linear, PathKind, VertexPath};
+use super::path::{PathKind, vertex_path};
 use super::{Cage, Coordinates, Minimum, SampleOptions, jacobian_min};
 pub use steps::Evaluate;
 use steps::{Found, Steps};
 
 /// Vertices of all polygons of a partition, at most: bounds the memory of `uniform:M` and of small `eps`.
-const MAX_VERTICES: u64 = 1 << 24;
+const MAX_VERTICES: u64 = 1 << 25;
 /// Steps of the last path, at most, whatever `eps` is.
 const MOST_STEPS: usize = 1024;
 /// The last path may be halved down to this part of `eps`: it is slow where it passes thin parts.
@@ -156,19 +156,15 @@ pub fn partition_with(
     let mut folded: Option<Found> = None;
     let order = [PathKind::Intrinsic, PathKind::Linear, PathKind::Compatible];
     for kind in order.into_iter().skip_while(|&kind| kind != options.path) {
-        let path: Box<dyn VertexPath> = match kind {
-            PathKind::Intrinsic => Box::new(Intrinsic::new(cage)),
-            PathKind::Linear => Box::new(Linear::new(cage)),
-            PathKind::Compatible => match Compatible::new(cage) {
-                Ok(path) => Box::new(path),
-                Err(error) => {
-                    notes.push(what_of(&error));
-                    continue;
-                }
-            },
+        let path = match vertex_path(cage, kind) {
+            Ok(path) => path,
+            Err(error) => {
+                notes.push(what_of(&error));
+                continue;
+            }
         };
         progress.stage(&format!("partition along the {} path", kind.name()), 0);
-        let mut limits = Limits { eps: options.eps, steps: (2.0 / options.eps) as usize };
+        let mut limits = Limits { eps: options.eps, steps: (4.0 / options.eps) as usize };
         if kind == PathKind::Compatible {
             limits.eps *= LAST_RESORT;
             limits.steps = limits.steps.max(MOST_STEPS);

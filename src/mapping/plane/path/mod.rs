@@ -8,8 +8,9 @@ mod intrinsic;
 mod linear;
 
 use crate::error::{Error, Result};
-use crate::geometry::Polygon;
 use crate::geometry::polygon::Nesting;
+use crate::geometry::{Defect, Polygon};
+use crate::mapping::plane::Cage;
 
 pub use compatible::Compatible;
 pub use intrinsic::Intrinsic;
@@ -49,6 +50,18 @@ pub trait VertexPath: Sync {
     fn kind(&self) -> PathKind;
 }
 
+/// The path of this kind between the polygons of `cage`.
+///
+/// # Errors
+/// As [`Compatible::new`]; the others always are.
+pub fn vertex_path(cage: &Cage, kind: PathKind) -> Result<Box<dyn VertexPath>> {
+    Ok(match kind {
+        PathKind::Intrinsic => Box::new(Intrinsic::new(cage)),
+        PathKind::Linear => Box::new(Linear::new(cage)),
+        PathKind::Compatible => Box::new(Compatible::new(cage)?),
+    })
+}
+
 /// The polygon of `path` at `t`, if it bounds a domain nested as `nesting` says.
 ///
 /// # Errors
@@ -61,10 +74,12 @@ pub fn polygon_at(path: &dyn VertexPath, t: f64, nesting: &Nesting) -> Result<Po
             "Take another path, or bring source and target closer together",
         )
     };
-    polygon.check().map_err(|defect| at(defect.to_string()))?;
-    // The check has passed: the loops nest in some way.
-    match polygon.nesting() {
-        Ok(found) if found == *nesting => Ok(polygon),
-        _ => Err(at("its loops are nested differently".to_owned())),
+    let found = polygon.nesting().map_err(|defect| at(defect.to_string()))?;
+    if found != *nesting {
+        return Err(at("its loops are nested differently".to_owned()));
+    }
+    match (0..polygon.loops().len()).find(|&ring| !polygon.well_oriented(nesting, ring)) {
+        Some(ring) => Err(at(Defect::Orientation { ring, depth: nesting.depths[ring] }.to_string())),
+        None => Ok(polygon),
     }
 }

@@ -5,9 +5,9 @@ use std::f64::consts::PI;
 use glam::dvec2;
 
 use super::*;
+use crate::mapping::plane::path::{Intrinsic, Linear, polygon_at};
 use crate::mapping::plane::random_polygons::{Kind, cage, cage_with_holes, ring};
 use crate::mapping::plane::testing::{Random, nested_squares, pairs};
-use crate::mapping::plane::path::{Intrinsic, Linear, polygon_at};
 
 fn of(source: &Polygon, target: &Polygon) -> Cage {
     Cage::new(source.loops().to_vec(), target.loops().to_vec()).unwrap()
