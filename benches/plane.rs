@@ -122,13 +122,17 @@ fn one_step(n: usize, count: usize, gpu: Option<&Engine>) -> Result<f64> {
     let mut printed = Printed::new(&from, &to, scale);
     let few: Vec<[f64; 2]> = double.iter().step_by(SPARSE).copied().collect();
     let spent = best(3, || {
-        few.iter().for_each(|p| drop(std::hint::black_box(printed.evaluate(*p))));
+        few.iter().for_each(|p| {
+            std::hint::black_box(printed.evaluate(*p));
+        });
         Ok(())
     })?;
     let baseline = spent.per_item(few.len());
     line("printed (8), (9), f64 scalar: map, J", spent, few.len(), baseline);
     let spent = best(3, || {
-        few.iter().for_each(|p| drop(std::hint::black_box(wide.evaluate(*p))));
+        few.iter().for_each(|p| {
+            std::hint::black_box(wide.evaluate(*p));
+        });
         Ok(())
     })?;
     line("reference, f64 scalar: map, J", spent, few.len(), baseline);
