@@ -13,15 +13,14 @@ use crate::{devices, engine};
 
 /// A mesh in a texture.
 struct Sheet {
-    mesh: Mesh,
     size: [u32; 2],
     atlas: Atlas,
 }
 
 impl Sheet {
-    fn new(mesh: Mesh, width: u32, height: u32) -> Self {
-        let atlas = Atlas::new(&mesh, width, height, UvRegion::Repeat, None, 1 << 24).unwrap();
-        Self { mesh, size: [width, height], atlas }
+    fn new(mesh: &Mesh, width: u32, height: u32) -> Self {
+        let atlas = Atlas::new(mesh, width, height, UvRegion::Repeat, None, 1 << 24).unwrap();
+        Self { size: [width, height], atlas }
     }
 
     /// A tile by the reference, and by the kernel with the texels it left.
@@ -124,7 +123,7 @@ fn the_atlas_is_rasterised_as_by_the_reference() {
             for case in 0..6 {
                 let steps = (case >= 3).then_some(2.0 * f64::from(width));
                 let mesh = scattered(&mut r, 1 + case * 5, [0.3, 1.0, 2.5][case % 3], steps);
-                let sheet = Sheet::new(mesh, width, height);
+                let sheet = Sheet::new(&mesh, width, height);
                 let (expected, found, left) = sheet.both(gpu, whole(width, height));
                 sheet.check(whole(width, height), &expected, &found).unwrap();
                 assert_eq!(left, 0);
@@ -139,7 +138,7 @@ fn the_atlas_is_rasterised_as_by_the_reference() {
 #[test]
 fn more_texels_than_a_dispatch_takes_and_tiles_of_a_texture() {
     let Some(gpu) = engine().and_then(Engine::gpu) else { return };
-    let sheet = Sheet::new(grid(40, 0.9, 3), 1000, 700);
+    let sheet = Sheet::new(&grid(40, 0.9, 3), 1000, 700);
     let (all, found, _) = sheet.both(gpu, whole(1000, 700));
     sheet.check(whole(1000, 700), &all, &found).unwrap();
     for tile in [
@@ -165,7 +164,7 @@ fn crowded_bins_go_through_the_reference() {
     let mut triangles: Vec<[[f64; 2]; 3]> =
         (0..=MOST_ENTRIES as usize).map(|_| [0; 3].map(|_| [0.2 * r.unit(), 1.0 - 0.2 * r.unit()])).collect();
     triangles.extend((0..9).map(|_| [0; 3].map(|_| [r.unit(), r.unit()])));
-    let sheet = Sheet::new(soup(&triangles), 29, 29);
+    let sheet = Sheet::new(&soup(&triangles), 29, 29);
     let (expected, found, left) = sheet.both(gpu, whole(29, 29));
     sheet.check(whole(29, 29), &expected, &found).unwrap();
     assert_eq!(left, 64, "the crowded bin and no other");
@@ -173,7 +172,7 @@ fn crowded_bins_go_through_the_reference() {
 
 #[test]
 fn the_comparison_of_atlases_finds_wrong_texels() {
-    let sheet = Sheet::new(grid(3, 0.5, 1), 16, 16);
+    let sheet = Sheet::new(&grid(3, 0.5, 1), 16, 16);
     let tile = whole(16, 16);
     let bins = Bins::new(&tile, &sheet.atlas, 1 << 24).unwrap();
     let mut good = vec![AtlasTexel::EMPTY; 256];
