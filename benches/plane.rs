@@ -40,46 +40,68 @@ fn pixels(polygon: &Polygon, scale: f64, count: usize) -> Vec<[f32; 2]> {
     (0..count).map(|i| frame.local(low + (high - low) * pixel(i * stride))).collect()
 }
 
-/// Image and Jacobian by equations (8) and (9) as printed: target vertices, gradients vertex by vertex.
-fn printed(v: &[[f64; 2]], w: &[[f64; 2]], p: [f64; 2]) -> ([f64; 2], f64) {
-    let n = v.len();
-    let s: Vec<[f64; 2]> = v.iter().map(|v| [v[0] - p[0], v[1] - p[1]]).collect();
-    let r: Vec<f64> = s.iter().map(|s| s[0].hypot(s[1])).collect();
-    let mut t = vec![0.0; n];
-    let mut dt = vec![[0.0; 2]; n];
-    for i in 0..n {
-        let k = (i + 1) % n;
-        let area = s[i][0] * s[k][1] - s[i][1] * s[k][0];
-        let below = r[i] * r[k] + s[i][0] * s[k][0] + s[i][1] * s[k][1];
-        t[i] = area / below;
-        let perpendicular = [v[i][1] - v[k][1], v[k][0] - v[i][0]];
-        for axis in 0..2 {
-            let radial = -s[i][axis] / r[i] * r[k] - r[i] * s[k][axis] / r[k];
-            dt[i][axis] = (perpendicular[axis] - t[i] * (radial - s[i][axis] - s[k][axis])) / below;
+/// Equations (8) and (9) as printed: target vertices, gradients vertex by vertex.
+struct Printed {
+    v: Vec<[f64; 2]>,
+    w: Vec<[f64; 2]>,
+    s: Vec<[f64; 2]>,
+    r: Vec<f64>,
+    t: Vec<(f64, [f64; 2])>,
+    weights: Vec<(f64, [f64; 2])>,
+}
+
+impl Printed {
+    fn new(from: &Polygon, to: &Polygon, scale: f64) -> Self {
+        let local = |polygon: &Polygon| -> Vec<[f64; 2]> {
+            let frame = Frame::of(polygon, scale);
+            polygon.vertices().map(|p| frame.local(p)).collect()
+        };
+        let n = from.vertex_count();
+        let none = vec![(0.0, [0.0; 2]); n];
+        Self { v: local(from), w: local(to), s: vec![[0.0; 2]; n], r: vec![0.0; n], t: none.clone(), weights: none }
+    }
+
+    /// Image and Jacobian.
+    fn evaluate(&mut self, p: [f64; 2]) -> ([f64; 2], f64) {
+        let Self { v, w, s, r, t, weights } = self;
+        let n = v.len();
+        for i in 0..n {
+            s[i] = [v[i][0] - p[0], v[i][1] - p[1]];
+            r[i] = (s[i][0] * s[i][0] + s[i][1] * s[i][1]).sqrt();
         }
-    }
-    let (mut sum, mut sums) = (0.0, [0.0; 2]);
-    let mut weights = vec![(0.0, [0.0; 2]); n];
-    for i in 0..n {
-        let before = (i + n - 1) % n;
-        let weight = (t[before] + t[i]) / r[i];
-        let gradient = [0, 1].map(|axis| (dt[before][axis] + dt[i][axis] + weight * s[i][axis] / r[i]) / r[i]);
-        weights[i] = (weight, gradient);
-        sum += weight;
-        sums = [sums[0] + gradient[0], sums[1] + gradient[1]];
-    }
-    let mut image = [0.0; 2];
-    let mut d = [[0.0; 2]; 2];
-    for (i, (weight, gradient)) in weights.iter().enumerate() {
-        let b = weight / sum;
-        for row in 0..2 {
-            image[row] += b * w[i][row];
-            for axis in 0..2 {
-                d[row][axis] += w[i][row] * (gradient[axis] - b * sums[axis]) / sum;
+        for i in 0..n {
+            let k = if i + 1 == n { 0 } else { i + 1 };
+            let area = s[i][0] * s[k][1] - s[i][1] * s[k][0];
+            let below = r[i] * r[k] + s[i][0] * s[k][0] + s[i][1] * s[k][1];
+            let tangent = area / below;
+            let perpendicular = [v[i][1] - v[k][1], v[k][0] - v[i][0]];
+            let gradient = [0, 1].map(|axis| {
+                let radial = -s[i][axis] / r[i] * r[k] - r[i] * s[k][axis] / r[k];
+                (perpendicular[axis] - tangent * (radial - s[i][axis] - s[k][axis])) / below
+            });
+            t[i] = (tangent, gradient);
+        }
+        let (mut sum, mut sums) = (0.0, [0.0; 2]);
+        for i in 0..n {
+            let (before, after) = (t[if i == 0 { n - 1 } else { i - 1 }], t[i]);
+            let weight = (before.0 + after.0) / r[i];
+            let gradient = [0, 1].map(|axis| (before.1[axis] + after.1[axis] + weight * s[i][axis] / r[i]) / r[i]);
+            weights[i] = (weight, gradient);
+            sum += weight;
+            sums = [sums[0] + gradient[0], sums[1] + gradient[1]];
+        }
+        let (mut image, mut d) = ([0.0; 2], [[0.0; 2]; 2]);
+        for (i, (weight, gradient)) in weights.iter().enumerate() {
+            let b = weight / sum;
+            for row in 0..2 {
+                image[row] += b * w[i][row];
+                for axis in 0..2 {
+                    d[row][axis] += w[i][row] * (gradient[axis] - b * sums[axis]) / sum;
+                }
             }
         }
+        (image, d[0][0] * d[1][1] - d[0][1] * d[1][0])
     }
-    (image, d[0][0] * d[1][1] - d[0][1] * d[1][0])
 }
 
 fn line(name: &str, spent: Spent, points: usize, baseline: f64) {
@@ -97,12 +119,10 @@ fn one_step(n: usize, count: usize, gpu: Option<&Engine>) -> Result<f64> {
     let points = pixels(&from, scale, count);
     let double: Vec<[f64; 2]> = points.iter().map(|p| p.map(f64::from)).collect();
 
-    let (source, target) = (Frame::of(&from, scale), Frame::of(&to, scale));
-    let v: Vec<[f64; 2]> = from.vertices().map(|p| source.local(p)).collect();
-    let w: Vec<[f64; 2]> = to.vertices().map(|p| target.local(p)).collect();
+    let mut printed = Printed::new(&from, &to, scale);
     let few: Vec<[f64; 2]> = double.iter().step_by(SPARSE).copied().collect();
     let spent = best(3, || {
-        few.iter().for_each(|p| drop(std::hint::black_box(printed(&v, &w, *p))));
+        few.iter().for_each(|p| drop(std::hint::black_box(printed.evaluate(*p))));
         Ok(())
     })?;
     let baseline = spent.per_item(few.len());

@@ -30,12 +30,12 @@ const SIDE: u32 = 2048;
 /// The kernels beside their references, on whole textures; a device's times include bringing data there and back.
 fn kernels(gpu: &Gpu, target: &Mesh, texture: &Image) -> Result<()> {
     println!(
-        "| stage | first dispatch, wall ms | reference, CPU / 2, ns per texel | device, CPU / 2, ns per texel | device / reference |"
+        "| stage | first dispatch, wall ms | CPU ms | reference, CPU / 2, ns per texel | device, CPU / 2, ns per texel | device / reference |"
     );
-    println!("|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|");
     let row = |name: &str, texels: usize, first: Spent, reference: Spent, device: Spent| {
         let (a, b) = (reference.per_item(texels), device.per_item(texels));
-        println!("| {name} | {:.0} | {a:.1} | {b:.1} | {:.2} |", 1e3 * first.wall, b / a);
+        println!("| {name} | {:.0} | {:.0} | {a:.1} | {b:.1} | {:.2} |", 1e3 * first.wall, 1e3 * first.cpu, b / a);
     };
     let tile = Tile { x: 0, y: 0, width: SIDE, height: SIDE };
     let small = Tile { x: 0, y: 0, width: 8, height: 8 };

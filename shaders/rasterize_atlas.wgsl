@@ -44,8 +44,10 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let y = params.y + index / params.width;
     let bin = (y / BIN - params.first_y) * params.columns + x / BIN - params.first_x;
     let first = starts[bin];
-    let past = starts[bin + 1u];
-    var end = select(past, first, past - first > params.most);
+    var end = starts[bin + 1u];
+    if end - first > params.most {
+        end = first;
+    }
     let i = i32(x % BIN);
     let j = i32(y % BIN);
     let centre = vec2i(i32(x), i32(y)) * SUBTEXEL + SUBTEXEL / 2;
@@ -66,20 +68,20 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             holder = k;
         }
     }
-    var outside = 0u;
+    var start = first;
     if cover != 0u {
+        start = holder;
         let e = bin_entry(entries, holder);
         let g = texel_f32(triangles, 3u * e.triangle + 2u);
         let b = e.barycentric + f32(i) * g.xz + f32(j) * g.yw;
         texel_found = vec4u(e.face, bitcast<vec2u>(b), cover);
-        outside = select(1u, 0u, b.x >= 0.0 && b.y >= 0.0 && b.x + b.y <= 1.0);
-        // No need to look on.
-        end = select(holder, holder + 1u, outside == 1u);
+        // Inside: no need to look on.
+        end = select(holder + 1u, holder, b.x >= 0.0 && b.y >= 0.0 && b.x + b.y <= 1.0);
     }
     // Without a holder: the closest of those that touch the texel's square. With one that snapping moved over the centre, by
     // at most 1/256 texel: its own boundary.
     var best = 3.4e38;
-    for (var k = select(first, holder, cover != 0u); k < end; k++) {
+    for (var k = start; k < end; k++) {
         let e = bin_entry(entries, k);
         let t = atlas_corners(triangles, e.triangle);
         if cover != 0u || touches_square(e, t, i, j, centre) {

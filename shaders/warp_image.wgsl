@@ -77,8 +77,11 @@ fn ellipse(d0: vec2f, d1: vec2f) -> Ellipse {
     e.share = part * part * (3.0 - 2.0 * part);
     e.level = 0u;
     var scale = 1.0;
-    while narrow * scale >= 2.0 * FINEST && e.level + 1u < params.levels {
-        e.level += 1u;
+    for (var i = 1u; i < params.levels; i++) {
+        if narrow * scale < 2.0 * FINEST {
+            break;
+        }
+        e.level = i;
         scale *= 0.5;
     }
     let boxed = (1.0 - scale * scale) * (1.0 / 12.0);

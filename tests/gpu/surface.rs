@@ -7,7 +7,7 @@ use barymap::models::shapes::{Random, lobed_sphere};
 use barymap::progress::Quiet;
 use barymap::surface::anchors::vertex_point;
 use barymap::surface::correspondence::{CorrespondenceOptions, Method, Shape, WeightedAverages};
-use barymap::surface::gpu::DeviceMap;
+use barymap::surface::gpu::{DeviceMap, correspondence_on};
 use barymap::surface::vector::distance_squared;
 use barymap::surface::{AnchorPairs, Embedding, EmbeddingOptions, PackedImage, PackedPoint, PointMap, Status};
 
@@ -128,7 +128,11 @@ struct Comparison {
 
 /// Compares images with the double-precision truth. Images on different triangles count as one decision if they are the same
 /// place: a root on an edge belongs to both.
-fn compare(truth: &WeightedAverages<f64, 8>, points: &[PackedPoint], images: &[PackedImage]) -> Comparison {
+fn compare<const D: usize>(
+    truth: &WeightedAverages<f64, D>,
+    points: &[PackedPoint],
+    images: &[PackedImage],
+) -> Comparison {
     assert_eq!(points.len(), images.len());
     let mut c = Comparison::default();
     for (point, image) in points.iter().zip(images) {
@@ -253,6 +257,26 @@ fn anchors_go_to_their_partners() {
             assert!(d <= 2e-5, "{image:?} {anchor:?}: {d}");
         }
     }
+}
+
+#[test]
+fn four_dimensions_work_on_the_device_too() {
+    let Some(engine) = engine() else { return };
+    let mut scene = Scene::new(40, 1.0);
+    for side in [&mut scene.source, &mut scene.target] {
+        side.2.dimension = 4;
+        side.2.points = side.2.points.chunks_exact(8).flat_map(|p| [p[0], p[1], p[2], p[6]]).collect();
+    }
+    let (source, target) = scene.shapes();
+    let options = Scene::options(Method::Transport, true);
+    let (map, note) = correspondence_on(engine, source, target, &scene.anchors, &options).unwrap();
+    assert_eq!(note, None);
+    let truth = WeightedAverages::<f64, 4>::new(source, target, &scene.anchors, &options).unwrap();
+    let points = scene.points(1000);
+    let mut images = Vec::new();
+    map.map(&points, &mut images).unwrap();
+    let c = compare(&truth, &points, &images);
+    judge(&c, points.len(), 0, P99).unwrap();
 }
 
 #[test]

@@ -115,7 +115,7 @@ pub(super) fn visit<R: Real, const GRADIENT: bool>(
                     gradient[axis] = gradient[axis] * quotient + value * (da[axis] - quotient * db[axis]) / b;
                 }
             }
-            value = value * quotient;
+            value *= quotient;
         }
         each(i, value, gradient);
     }

@@ -41,7 +41,7 @@ pub use chunk::AveragedChunk;
 pub use frames::frame_tiles;
 pub use fused::FusedWeights;
 pub use sweep::{SweepAnchors, average_tiles, point_of};
-pub use weights::{negative_sum, weights};
+pub use weights::weights;
 
 /// How much more an offset across the tangent plane counts than one within it (section 3.4; the paper uses 10 for
 /// all of its examples).

@@ -13,7 +13,7 @@ use crate::surface::vector::{Vector, add_scaled, cast, combine, distance_squared
 use crate::surface::{NearestVertex, PhongSurface};
 
 use super::confidence::{Evidence, Trust};
-use super::procrustes::orthogonal;
+use super::procrustes::{identity, orthogonal};
 use super::{CorrespondenceOptions, Method, Shape, check_faces};
 
 /// Squared length of the order of the distance measure near an anchor, in mean edges squared (notes on the fused form: it only keeps
@@ -39,15 +39,13 @@ fn coordinates<S: Real>(point: PackedPoint) -> [S; 3] {
     [b0, b1, S::ONE - b0 - b1]
 }
 
-/// Part of the global fit in a local one: keeps directions that the near anchors do not span.
-const GLOBAL_SHARE: f64 = 1e-2;
-
-/// `d_v` and `|r_v|` of every vertex: `Q_v` is fitted to the anchors with weights `1/D_i` (eq. 13) plus a hundredth of the global fit. O(V (n D^2 + D^3)).
+/// `d_v` and `|r_v|` of every vertex: `Q_v` is fitted to the anchors with weights `1/D_i^2`, those of eq. 13, and completed by the global fit `q`. Weights that
+/// fall off more slowly, or a part of the global fit in the local one, were measured to be less accurate: far anchors decide only what near ones leave open. O(V (n D^2 + D^3)).
 fn local_corrections<const D: usize>(
     target: &PhongSurface<f64, D>,
     a: &[Vector<f64, D>],
     b: &[Vector<f64, D>],
-    global: &[Vector<f64, D>; D],
+    q: &[Vector<f64, D>; D],
     scale: f64,
 ) -> Vec<Correction<f64, D>> {
     target
@@ -58,22 +56,18 @@ fn local_corrections<const D: usize>(
             weights(&vertex.y, &vertex.t, a, &mut w);
             let own = w.iter().zip(a).fold([0.0; D], |sum, (&w, a)| add_scaled(&sum, w, a));
             let r = sub(&vertex.y, &own);
-            let mut nearness: Vec<f64> = a
+            let nearness: Vec<f64> = a
                 .iter()
                 .map(|a| {
                     let d = sub(a, &vertex.y);
                     let (p, q) = (dot(&d, &vertex.t[0]), dot(&d, &vertex.t[1]));
                     let tangential = p * p + q * q;
                     // A thousandth of an edge squared keeps the weight of an anchor at the vertex finite.
-                    1.0 / (tangential + GAMMA * (dot(&d, &d) - tangential).max(0.0) + 1e-6)
+                    (tangential + GAMMA * (dot(&d, &d) - tangential).max(0.0) + 1e-6).powi(-2)
                 })
                 .collect();
-            let sum: f64 = nearness.iter().sum();
-            for q in &mut nearness {
-                *q = *q / sum + GLOBAL_SHARE / a.len() as f64;
-            }
-            let local = orthogonal(a, b, &nearness);
-            let d = std::array::from_fn(|i| scale * dot(&local[i], &r) - dot(&global[i], &r));
+            let local = orthogonal(a, b, &nearness, q);
+            let d = std::array::from_fn(|i| scale * (dot(&local[i], &r) - dot(&q[i], &r)));
             Correction { d, residual: dot(&r, &r).sqrt() }
         })
         .collect()
@@ -147,13 +141,14 @@ impl<S: Real, const D: usize> WeightedAverages<S, D> {
         let unit = |s: &PhongSurface<f64, D>, shape: &Shape<'_>| s.edge / shape.mesh.area().sqrt();
         let unit_source = unit(&source_surface, &source);
         let scale = unit(&target_surface, &target) / unit_source;
-        let transport = (options.method == Method::Transport)
-            .then(|| orthogonal(&a, &b, &vec![1.0; a.len()]).map(|row| row.map(|x| x * scale)));
+        let global =
+            (options.method == Method::Transport).then(|| orthogonal(&a, &b, &vec![1.0; a.len()], &identity()));
+        let transport = global.map(|q| q.map(|row| row.map(|x| x * scale)));
         let image: Vec<Vector<f64, D>> = match &transport {
             None => b.clone(),
             Some(q) => a.iter().zip(&b).map(|(a, b)| std::array::from_fn(|i| b[i] - dot(&q[i], a))).collect(),
         };
-        let corrections = match &transport {
+        let corrections = match &global {
             None => Vec::new(),
             Some(q) => local_corrections(&target_surface, &a, &b, q, scale),
         };

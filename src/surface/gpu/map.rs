@@ -92,7 +92,7 @@ impl DeviceMap {
         if let Some(stage) = stages.into_iter().find(|s| engine.gpu_for(s).is_none()) {
             return Some(format!("{stage} runs on the CPU"));
         }
-        (dimension != 8).then(|| format!("the kernels work in 8 dimensions, the embedding has {dimension}"))
+        (dimension > 8).then(|| format!("the kernels work in 8 dimensions, the embedding has {dimension}"))
     }
 
     /// Puts a map on the device of `engine`.

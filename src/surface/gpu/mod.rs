@@ -20,6 +20,7 @@ pub use tables::SurfaceTables;
 
 use crate::engine::{Backend, Engine, Kernel};
 use crate::error::Result;
+use crate::surface::Embedding;
 use crate::surface::anchors::AnchorPairs;
 use crate::surface::correspondence::{
     CorrespondenceOptions, Precision, Shape, WeightedAverages, correspondence, dimension,
@@ -29,6 +30,17 @@ use crate::surface::packed::PointMap;
 /// The kernels of this folder.
 pub const KERNELS: &[&Kernel] =
     &[&average_anchors::AVERAGE_ANCHORS, &project_phong::PROJECT_PHONG, &project_phong::SEARCH_PHONG];
+
+/// An embedding in fewer dimensions as one in 8: zeros change no distance.
+fn padded(shape: &Shape<'_>) -> Option<Embedding> {
+    let embedding = shape.embedding.filter(|e| e.dimension < 8)?;
+    let mut points = Vec::with_capacity(embedding.points.len() / embedding.dimension * 8);
+    for point in embedding.points.chunks_exact(embedding.dimension) {
+        points.extend_from_slice(point);
+        points.resize(points.len() + 8 - point.len(), 0.0);
+    }
+    Some(Embedding { dimension: 8, points, ..embedding.clone() })
+}
 
 /// The map from the target to the source where `engine` works: on its device, or on the CPU in the engine's precision. Where there is a device that
 /// cannot do this work, the CPU does it and the second value says why, in one line.
@@ -55,6 +67,12 @@ pub fn correspondence_on(
         return on_cpu(Some(format!("the correspondence runs on the CPU: {why}")));
     }
     anchors.check((source.mesh, source.topology), (target.mesh, target.topology))?;
-    let map = WeightedAverages::new(source, target, anchors, &options)?;
+    let (padded_source, padded_target) = (padded(&source), padded(&target));
+    let map = WeightedAverages::new(
+        Shape { embedding: padded_source.as_ref().or(source.embedding), ..source },
+        Shape { embedding: padded_target.as_ref().or(target.embedding), ..target },
+        anchors,
+        &options,
+    )?;
     Ok((Box::new(DeviceMap::new(engine, map)?), None))
 }

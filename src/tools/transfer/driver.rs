@@ -6,7 +6,7 @@ use super::atlas::AtlasTexel;
 use super::band::Window;
 use super::bins::Atlas;
 use super::footprint::Footprint;
-use super::gpu::{DeviceTexture, Padder, Rasterizer, Sampler, Stages};
+use super::gpu::{DeviceTexture, Sampler, Stages};
 use super::layer::{Layer, blank, copy_padding, store};
 use super::mip::MipChain;
 use super::pad::pad_seams;
@@ -77,18 +77,17 @@ pub fn transfer_on(
         let size = [options.width * scale, options.height * scale];
         let atlas = Atlas::new(target, size[0], size[1], options.region, options.material, plan.most_triangles)?;
         let target = target_triangles(target, source, size[0], size[1])?;
-        let device = match stages.rasterize_atlas(atlas.triangles.len()) {
-            Some(gpu) => Some(Rasterizer::new(gpu, &atlas.triangles, size[0] as usize)?),
-            None => None,
-        };
+        let device = stages.rasterizer(&atlas.triangles, size[0] as usize)?;
         Ok(Window::new(size, atlas, target, map, source.triangle_count(), plan.most_entries, device))
     };
     let mut coarse = grid(1)?;
     let mut fine = if options.supersample > 1 { Some(grid(options.supersample)?) } else { None };
     watch.lap("prepare");
-    let mut sampler = stages.sample_texture().map(Sampler::new).transpose()?;
-    let output = |l| Output::new(l, source, options, sampler.as_ref());
-    let mut outputs = layers.iter().map(output).collect::<Result<Vec<_>>>()?;
+    let mut outputs = layers.iter().map(|l| Output::new(l, source, options)).collect::<Result<Vec<_>>>()?;
+    let mut sampler = stages.sampler(|s| outputs.iter_mut().try_for_each(|o| o.upload(s, options)))?;
+    if sampler.is_none() {
+        outputs.iter_mut().for_each(|o| o.device.clear());
+    }
     watch.lap("mip");
 
     let (width, height) = (options.width as usize, options.height as usize);
@@ -134,7 +133,7 @@ pub fn transfer_on(
     if options.margin > 0 {
         progress.stage("padding", height as u64);
         let mut nearest = Vec::new();
-        let mut padder = stages.pad_seams().map(|gpu| Padder::new(gpu, &covers, width, options.margin)).transpose()?;
+        let mut padder = stages.padder(&covers, width, options.margin)?;
         for start in (0..height).step_by(plan.rows) {
             let rows = start..(start + plan.rows).min(height);
             match &mut padder {
@@ -212,19 +211,22 @@ struct Output<'a> {
 }
 
 impl<'a> Output<'a> {
-    fn new(layer: &Layer<'a>, source: &Mesh, options: &TransferOptions, sampler: Option<&Sampler<'_>>) -> Result<Self> {
+    fn new(layer: &Layer<'a>, source: &Mesh, options: &TransferOptions) -> Result<Self> {
         let (channels, depth) = layer.output_format(options.background);
-        let chains: Vec<_> = layer.images.iter().map(|i| MipChain::new(i, layer.encoding)).collect::<Result<_>>()?;
-        let device = match sampler {
-            Some(s) => chains.iter().map(|c| s.texture(c, options.filter, options.taps)).collect::<Result<_>>()?,
-            None => Vec::new(),
-        };
         Ok(Self {
-            chains,
-            device,
+            chains: layer.images.iter().map(|i| MipChain::new(i, layer.encoding)).collect::<Result<_>>()?,
+            device: Vec::new(),
             texture_of: layer.texture_of(source),
             image: blank(options.width, options.height, channels, depth, options.background)?,
         })
+    }
+
+    /// Brings the chains to the device that samples.
+    fn upload(&mut self, sampler: &Sampler<'_>, options: &TransferOptions) -> Result<()> {
+        for chain in &self.chains {
+            self.device.push(sampler.texture(chain, options.filter, options.taps)?);
+        }
+        Ok(())
     }
 
     /// Colours at footprints.

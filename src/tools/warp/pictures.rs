@@ -90,14 +90,14 @@ pub fn lattice_picture(
     let (low, high) = map.source().bounds();
     let cell = (high - low).max_element() / f64::from(cells.max(1));
     let mut canvas = Canvas::new(size[0], size[1], [255; 3]);
-    // Along each line far finer than the distance of lines: the images are drawn as they bend.
-    const FINE: usize = 16;
+    // Along each line finer than the distance of lines: the images are drawn as they bend.
+    let fine = (512 / cells.max(1)).clamp(2, 16) as usize;
     let count = ((high - low) / cell).ceil();
     let mut lines: Vec<Vec<DVec2>> = Vec::new();
     for (along, across, n, m) in [(DVec2::X, DVec2::Y, count.x, count.y), (DVec2::Y, DVec2::X, count.y, count.x)] {
         for k in 0..=m as usize {
             let start = low + across * cell * k as f64;
-            lines.push((0..=n as usize * FINE).map(|i| start + along * cell * (i as f64 / FINE as f64)).collect());
+            lines.push((0..=n as usize * fine).map(|i| start + along * cell * (i as f64 / fine as f64)).collect());
         }
     }
     for line in lines {

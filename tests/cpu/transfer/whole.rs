@@ -1,11 +1,11 @@
 //! Whole transfers through simple maps.
 
+use barymap::Error;
 use barymap::geometry::Mesh;
 use barymap::progress::Quiet;
 use barymap::raster::{Image, Pixels};
-use barymap::surface::{PackedImage, PackedPoint, PointMap, Status};
+use barymap::surface::{PointMap, Status};
 use barymap::tools::transfer::{Background, Layer, TransferOptions, TransferOutput, coverage, memory_needed, transfer};
-use barymap::{Error, Result};
 use glam::DVec2;
 
 use super::{Random, grid, soup};

@@ -36,25 +36,16 @@ impl<const N: usize> Jet<N> {
         Self(c)
     }
 
-    /// Sum of the products `self_a other_b` with a + b = (degree - j, j), deg a in `degrees`.
+    /// Sum of the products `self_a other_b` over `pairs` (a, b).
     #[inline(always)]
-    fn convolve(&self, other: &Self, degree: usize, j: usize, degrees: std::ops::RangeInclusive<usize>) -> Interval {
-        let mut sum = Interval::ZERO;
-        for d in degrees {
-            let rest = degree - d;
-            for i in j.saturating_sub(rest)..=d.min(j) {
-                sum = sum + self.0[index(d, i)] * other.0[index(rest, j - i)];
-            }
-        }
-        sum
+    fn convolve(&self, other: &Self, pairs: &[(usize, usize)]) -> Interval {
+        pairs.iter().fold(Interval::ZERO, |sum, &(a, b)| sum + self.0[a] * other.0[b])
     }
 
     pub(super) fn times(&self, other: &Self) -> Self {
         let mut product = Self::ZERO;
-        for degree in 0..=Self::DEGREE {
-            for j in 0..=degree {
-                product.0[index(degree, j)] = self.convolve(other, degree, j, 0..=degree);
-            }
+        for k in 0..N {
+            product.0[k] = self.convolve(other, FACTORS[k]);
         }
         product
     }
@@ -62,12 +53,10 @@ impl<const N: usize> Jet<N> {
     /// `self / other`, unknown where the divisor may vanish: from `self = other * quotient`.
     pub(super) fn over(&self, other: &Self) -> Self {
         let inverse = other.0[0].recip();
-        let mut quotient = Self::ZERO;
-        for degree in 0..=Self::DEGREE {
-            for j in 0..=degree {
-                let known = other.convolve(&quotient, degree, j, 1..=degree);
-                quotient.0[index(degree, j)] = (self.0[index(degree, j)] - known) * inverse;
-            }
+        let mut quotient = Self::constant(self.0[0] * inverse);
+        for k in 1..N {
+            // Without the first pair, the one of the divisor's value and the coefficient sought.
+            quotient.0[k] = (self.0[k] - other.convolve(&quotient, &FACTORS[k][1..])) * inverse;
         }
         quotient
     }
@@ -76,11 +65,10 @@ impl<const N: usize> Jet<N> {
     pub(super) fn sqrt(&self) -> Self {
         let mut root = Self::constant(self.0[0].sqrt());
         let half_inverse = root.0[0].scaled(2.0).recip();
-        for degree in 1..=Self::DEGREE {
-            for j in 0..=degree {
-                let known = root.convolve(&root, degree, j, 1..=degree - 1);
-                root.0[index(degree, j)] = (self.0[index(degree, j)] - known) * half_inverse;
-            }
+        for k in 1..N {
+            // Without the first and the last pair, which are twice the product of the value and the coefficient sought.
+            let pairs = &FACTORS[k][1..FACTORS[k].len() - 1];
+            root.0[k] = (self.0[k] - root.convolve(&root, pairs)) * half_inverse;
         }
         root
     }
@@ -128,6 +116,20 @@ impl<const N: usize> Jet<N> {
         }
     }
 }
+
+/// For each coefficient of a product the pairs of coefficients it is the sum of.
+const FACTORS: [&[(usize, usize)]; 10] = [
+    &[(0, 0)],
+    &[(0, 1), (1, 0)],
+    &[(0, 2), (2, 0)],
+    &[(0, 3), (1, 1), (3, 0)],
+    &[(0, 4), (1, 2), (2, 1), (4, 0)],
+    &[(0, 5), (2, 2), (5, 0)],
+    &[(0, 6), (1, 3), (3, 1), (6, 0)],
+    &[(0, 7), (1, 4), (2, 3), (3, 2), (4, 1), (7, 0)],
+    &[(0, 8), (1, 5), (2, 4), (4, 2), (5, 1), (8, 0)],
+    &[(0, 9), (2, 5), (5, 2), (9, 0)],
+];
 
 const BINOMIAL: [[f64; 4]; 4] =
     [[1.0, 0.0, 0.0, 0.0], [1.0, 1.0, 0.0, 0.0], [1.0, 2.0, 1.0, 0.0], [1.0, 3.0, 3.0, 1.0]];
@@ -221,6 +223,19 @@ mod tests {
         let mut zero = broken;
         zero.sharpen(&Jet::<6>::ZERO, [step; 2]);
         assert!(!zero.0[0].contains(value(c[0], c[1])));
+    }
+
+    #[test]
+    fn factors_have_the_exponents_of_their_product() {
+        let exponents: Vec<(usize, usize)> = (0..4).flat_map(|d| (0..=d).map(move |j| (d - j, j))).collect();
+        for (k, pairs) in FACTORS.iter().enumerate() {
+            let wanted = (0..10).flat_map(|a| (0..10).map(move |b| (a, b))).filter(|&(a, b)| {
+                let (p, q) = (exponents[a], exponents[b]);
+                (p.0 + q.0, p.1 + q.1) == exponents[k]
+            });
+            assert_eq!(pairs.to_vec(), wanted.collect::<Vec<_>>());
+            assert!(pairs[0].0 == 0 && pairs[pairs.len() - 1].1 == 0);
+        }
     }
 
     #[test]

@@ -6,14 +6,17 @@
 //!
 //! # From J > 0 to a bijection
 //!
-//! Let Omega be the closed polygon (one outer loop with disjoint holes), f the mean value map to a polygon of the same kind. f is
+//! Let Omega be the closed polygon (one or several nested loops), f the mean value map to a polygon of the same kind. f is
 //! continuous, smooth but at the vertices, and on the boundary it is the piecewise linear bijection of the boundaries. The
 //! certificate shows `J >= lower_bound > 0` on Omega without the vertices, on the edges too, and for the one-sided limits at the
-//! vertices. Then f is an orientation-preserving local homeomorphism of the interior, and the number of pre-images of
-//! a point q off the boundary's image is the winding number of the image of the boundary about q (degree theory; see Meisters and
-//! Olech 1963 for one loop). Because the boundary is mapped one-to-one onto the boundary of the target, and in its
-//! orientation, this number is 1 inside the target and 0 outside: **f is a bijection of the closed polygons**. The caller answers for
-//! both polygons being simple, their loops disjoint and oriented alike.
+//! vertices. Then f is an orientation-preserving local homeomorphism of the interior, and a point q off the image of the boundary
+//! has as many pre-images as that image winds around q (the degree of f at q; Meisters and Olech 1963 for one loop). The
+//! boundary is mapped one-to-one onto the boundary of the target and in its orientation, so this number is 1 inside the target
+//! and 0 outside. No inner point is mapped onto the boundary of the target: f is open, so points outside would have pre-images.
+//! Hence **f is a bijection of the closed polygons**. The caller answers for both polygons being simple, their loops disjoint
+//! and oriented alike, and nested alike.
+//!
+//! A composite map is a bijection if each of its steps is.
 //!
 //! # Parts
 //!
@@ -25,7 +28,8 @@
 //! - `boxes`, `search`: the cover, and its refinement.
 //!
 //! The natural interval extension of the Jacobian overestimates its range by an error of first order in the size of a box; Taylor's
-//! form of second degree by one of third order. That is what makes whole polygons provable with hundreds of boxes.
+//! form of second degree by one of third order. That is what makes whole polygons provable with some
+//! hundred boxes per vertex.
 
 mod bounds;
 mod boxes;

@@ -90,18 +90,20 @@ impl<'a> Search<'a> {
         Ok(proved)
     }
 
-    /// Cuts cells whose bound is far below the sampled minimum, as long as that is cheap; returns the least bound.
+    /// Cuts cells whose bound is far below the sampled minimum, the lowest first, as long as that is cheap; returns the least bound.
     fn sharpen(&mut self, mut proved: Vec<Cell>) -> Result<f64, Verdict> {
         let limit = (self.boxes.saturating_mul(3) + 4096).min(self.options.boxes);
         loop {
             let target = self.sampled * (1.0 - self.options.tolerance);
-            let (loose, sharp): (Vec<Cell>, Vec<Cell>) = proved.into_iter().partition(|c| c.proved < target);
-            let halves: Vec<Cell> = loose.iter().filter_map(Cell::halves).flatten().collect();
-            if halves.is_empty() || halves.len() < 2 * loose.len() || self.boxes + halves.len() as u64 > limit {
-                return Ok(loose.iter().chain(&sharp).map(|c| c.proved).fold(f64::INFINITY, f64::min));
+            proved.sort_by(|a, b| a.proved.total_cmp(&b.proved));
+            let room = usize::try_from(limit.saturating_sub(self.boxes) / 2).unwrap_or(usize::MAX);
+            let count = proved.partition_point(|c| c.proved < target).min(room);
+            let halves: Vec<Cell> = proved[..count].iter().filter_map(Cell::halves).flatten().collect();
+            if halves.is_empty() || halves.len() < 2 * count {
+                return Ok(proved.first().map_or(f64::INFINITY, |c| c.proved));
             }
             let mut round = self.round(&halves)?;
-            proved = sharp;
+            proved.drain(..count);
             proved.append(&mut round.proved);
         }
     }

@@ -12,7 +12,7 @@ use super::chart::Chart;
 use super::domain::Domain;
 use super::interval::Interval;
 use super::reference::{jacobian, limit, place, sampled_minimum};
-use super::{CertifyOptions, Verdict, certify};
+use super::{CertifyOptions, Verdict, certificate, certify};
 use crate::geometry::Polygon;
 use crate::models::polygons::{
     PolygonPair, convex_witness, inverted_star, nested_squares, square_corner, twisted_star,
@@ -235,7 +235,7 @@ fn folds_are_found_wherever_they_lie() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(48))]
+    #![proptest_config(ProptestConfig::with_cases(32))]
 
     #[test]
     fn a_fold_is_never_certified((from, to) in warps()) {
@@ -313,6 +313,42 @@ fn units_and_places_do_not_matter() {
     assert!(
         matches!(verdict(&moved(&from, 1.0, far), &moved(&to, 1.0, far)), Verdict::Certified { lower_bound } if lower_bound > 0.2)
     );
+}
+
+#[test]
+fn affine_maps_have_their_determinant_everywhere() {
+    // Mean value coordinates reproduce them.
+    let source = nested_squares().source;
+    for (x, y) in [(DVec2::X, DVec2::Y), (DVec2::new(0.3, 2.0), DVec2::new(-1.5, 0.2))] {
+        let moved = |v: &DVec2| x * v.x + y * v.y + DVec2::new(5.0, 7.0);
+        let target = Polygon::from_loops(source.loops().iter().map(|l| l.iter().map(moved).collect()).collect());
+        let Verdict::Certified { lower_bound } = verdict(&source, &target) else { panic!("not certified") };
+        let determinant = x.perp_dot(y);
+        assert!(lower_bound > 0.9 * determinant && lower_bound < determinant + 1e-9, "{lower_bound} {determinant}");
+    }
+    // A reflection folds everywhere.
+    let target =
+        Polygon::from_loops(source.loops().iter().map(|l| l.iter().map(|v| DVec2::new(-v.x, v.y)).collect()).collect());
+    assert!(matches!(verdict(&source, &target), Verdict::Folds { value, .. } if (value + 1.0).abs() < 1e-9));
+}
+
+#[test]
+fn needles_and_slits_are_certified() {
+    // A tip and, in a square, a slit of this width.
+    for width in [0.1, 1e-2, 1e-3] {
+        let needle = |w: f64| vec![[0.0, 0.0], [1.0, -w], [3.0, 0.0], [1.0, w]];
+        let slit =
+            |w: f64| vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.5 + w, 1.0], [0.5, 0.4], [0.5 - w, 1.0], [0.0, 1.0]];
+        for shape in [needle, slit] as [fn(f64) -> Vec<[f64; 2]>; 2] {
+            let polygon = |w: f64| Polygon::from_loops(vec![shape(w).into_iter().map(DVec2::from).collect()]);
+            let (from, to) = (polygon(width), polygon(1.1 * width));
+            let found = certificate(&from, &to, &CertifyOptions::default(), &Quiet).expect("valid polygons");
+            let least = sampled_minimum(&from, &to, 64);
+            let Verdict::Certified { lower_bound } = found.verdict else { panic!("{width}: {found:?}") };
+            assert!(lower_bound > 0.85 * least && lower_bound <= least + 1e-9, "{width}: {found:?} {least}");
+            assert!((found.sampled - least).abs() < 1e-3 * least, "{width}: {found:?} {least}");
+        }
+    }
 }
 
 #[test]

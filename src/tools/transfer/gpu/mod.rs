@@ -32,9 +32,6 @@ pub const KERNELS: &[&Kernel] = &[
     &pad_seams::PAD_SEAMS,
 ];
 
-/// Texels of a row of a table.
-const TABLE_WIDTH: usize = 2048;
-
 /// Items of one dispatch.
 type Items = Range<usize>;
 

@@ -68,7 +68,7 @@ impl<'a> Padder<'a> {
     /// Device memory, and host memory of the device's copies, for a picture of this size.
     pub fn bytes(width: usize, height: usize) -> u64 {
         let pairs = MOST_PAIRS.max(width.div_ceil(2));
-        (2 * width * height.div_ceil(WORD) * 4 + pairs * (4 + 4 * 8)) as u64
+        (3 * width * height.div_ceil(WORD) * 4 + pairs * (4 + 4 * 8)) as u64
     }
 
     /// Puts `coverage`, `width` to a row, on a device; texels from [`COVERED`] on are covered.

@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{Items, TABLE_WIDTH, items};
+use super::{Items, items};
 use crate::engine::{BindingKind, Buffer, Gpu, Kernel, Layout, Pipeline, ReadbackRing, Table};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::kernel_layout as layout;
 use crate::tools::transfer::atlas::{self, AtlasTexel, AtlasTriangle, BIN, BinEntry, Tile};
 use crate::tools::transfer::bins::Bins;
@@ -63,13 +63,10 @@ pub struct Rasterizer<'a> {
 }
 
 impl<'a> Rasterizer<'a> {
-    /// Device memory, and host memory of the device's copies, taken beside [`Rasterizer::new`]'s triangles.
-    pub const BYTES: u64 = (MOST_TEXELS * size_of::<AtlasTexel>() * 4) as u64;
-
-    /// Why `gpu` cannot hold an atlas of so many records; `None` if it can.
-    pub fn obstacle(gpu: &Gpu, triangles: usize) -> Option<String> {
-        let most = table_records(gpu, size_of::<AtlasTriangle>());
-        (triangles > most).then(|| format!("the device holds {most} triangles of an atlas, there are {triangles}"))
+    /// Bytes on the device, and of the host's copies on the way, for an atlas of so many records.
+    pub fn bytes(triangles: usize) -> u64 {
+        let texels = MOST_TEXELS * size_of::<AtlasTexel>() * 4;
+        (texels + 2 * (triangles * size_of::<AtlasTriangle>() + entries(triangles) * size_of::<BinEntry>())) as u64
     }
 
     /// Puts an atlas on a device; `width` texels are the most in a row of a tile.
@@ -105,16 +102,21 @@ impl<'a> Rasterizer<'a> {
         triangles: &[AtlasTriangle],
         texels: &mut [AtlasTexel],
     ) -> Result<()> {
-        if tile.texels() == 0 {
-            return Ok(());
+        let fits = bins.entries.len() <= entries(triangles.len()) && tile.width as usize <= self.texels.len();
+        match fits.then(|| self.on_device(tile, bins, texels)) {
+            Some(Ok(())) => self.fill_dense(tile, bins, triangles, texels),
+            // Too many triangles for the device: the reference does this tile.
+            None | Some(Err(Error::Memory { .. } | Error::Capability { .. })) => {
+                self.left += tile.texels() as u64;
+                atlas::rasterize_atlas(tile, bins, triangles, texels);
+            }
+            Some(Err(e)) => return Err(e),
         }
+        Ok(())
+    }
+
+    fn on_device(&self, tile: &Tile, bins: &Bins, texels: &mut [AtlasTexel]) -> Result<()> {
         let width = tile.width as usize;
-        let most = table_records(self.gpu, size_of::<BinEntry>());
-        if bins.entries.len() > most || width > self.texels.len() {
-            self.left += tile.texels() as u64;
-            atlas::rasterize_atlas(tile, bins, triangles, texels);
-            return Ok(());
-        }
         let params = RasterizeParams {
             x: tile.x,
             y: tile.y,
@@ -152,7 +154,6 @@ impl<'a> Rasterizer<'a> {
                 texels[before].copy_from_slice(&found);
             }
         }
-        self.fill_dense(tile, bins, triangles, texels);
         Ok(())
     }
 
@@ -180,9 +181,9 @@ impl<'a> Rasterizer<'a> {
     }
 }
 
-/// Records of `bytes` bytes that a table can hold.
-fn table_records(gpu: &Gpu, bytes: usize) -> usize {
-    gpu.capabilities().max_texture_side as usize * TABLE_WIDTH * 16 / bytes
+/// Entries in the bins of a tile beyond which it goes through the reference: more than tiles of usual meshes have.
+fn entries(triangles: usize) -> usize {
+    4 * triangles + (1 << 16)
 }
 
 /// The row of the tile after the last that fits a dispatch together with `row`.
