@@ -161,7 +161,7 @@ mod tests {
         holed[2].y = f64::INFINITY;
         says(vec![outer.clone()], vec![holed], "vertex 2 of loop 0 is not finite");
         let many: Vec<DVec2> =
-            (0..=MAX_VERTICES).map(|i| DVec2::from_angle(i as f64 * 6.28 / MAX_VERTICES as f64)).collect();
+            (0..=MAX_VERTICES).map(|i| DVec2::from_angle(i as f64 * 6.0 / MAX_VERTICES as f64)).collect();
         says(vec![many.clone()], vec![many], "16385 vertices, 16384 are supported");
     }
 }

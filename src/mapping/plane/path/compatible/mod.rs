@@ -37,9 +37,14 @@ const MOST_VERTICES: usize = 2_048;
 /// Half the side of the frame, in the distance of the farthest vertex from the barycentre.
 const FRAME: f64 = 1.5;
 
-/// The path of Gotsman and Surazhsky 2001, also between polygons of several loops. See the module.
+/// A path without self-intersections (Gotsman, Surazhsky 2001), also between polygons of several loops.
 ///
-/// Building it takes O(n^2) time and new vertices at most, for n vertices; a polygon of the path one sparse solve.
+/// Both polygons and their surroundings in a convex frame are triangulated compatibly (Aronov, Seidel, Souvaine 1993); each vertex
+/// is a convex combination of its neighbours by mean value weights in either, the combinations are mixed linearly in `t`, and a
+/// sparse system gives the vertices. Area, barycentre and rotation of the outermost loop go linearly. Loops stay simple, disjoint
+/// and nested for every `t` in exact arithmetic; in double precision very thin parts may fail.
+///
+/// Building it takes O(n^2) time and new vertices at most, for n vertices; a polygon of the path takes one sparse solve.
 #[derive(Clone, Debug)]
 pub struct Compatible {
     cage: Cage,

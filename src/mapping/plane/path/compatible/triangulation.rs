@@ -67,19 +67,21 @@ impl<'a> Triangulation<'a> {
     /// given by their vertex and the end of their first edge. Empty where an edge joins the two.
     pub(super) fn crossed(&self, from: (usize, usize), to: (usize, usize)) -> Option<Vec<(usize, usize)>> {
         let goals: BTreeSet<usize> = self.wedge(to.0, to.1).into_iter().map(|(face, _)| face).collect();
-        let mut came: Vec<Option<Option<(usize, (usize, usize))>>> = vec![None; self.faces.len()];
+        let mut seen = vec![false; self.faces.len()];
+        // Of a face, the one before it on the way and the edge between them; none for those of the first wedge.
+        let mut before: HashMap<usize, (usize, (usize, usize))> = HashMap::new();
         let mut queue = VecDeque::new();
         for (face, _) in self.wedge(from.0, from.1) {
-            came[face] = Some(None);
+            seen[face] = true;
             queue.push_back(face);
         }
         while let Some(face) = queue.pop_front() {
             if goals.contains(&face) {
                 let mut edges = Vec::new();
                 let mut at = face;
-                while let Some(Some((before, edge))) = came[at] {
+                while let Some(&(last, edge)) = before.get(&at) {
                     edges.push(edge);
-                    at = before;
+                    at = last;
                 }
                 edges.reverse();
                 return Some(edges);
@@ -90,9 +92,10 @@ impl<'a> Triangulation<'a> {
                     continue;
                 }
                 if let Some(&next) = self.left.get(&(b, a))
-                    && came[next].is_none()
+                    && !seen[next]
                 {
-                    came[next] = Some(Some((face, (a, b))));
+                    seen[next] = true;
+                    before.insert(next, (face, (a, b)));
                     queue.push_back(next);
                 }
             }
