@@ -54,7 +54,7 @@ fn row(engine: &Engine, name: &str, knots: [f64; 2], from: &Polygon, to: &Polygo
         Verdict::Folds { value, .. } => ("folds", value),
     };
     println!(
-        "| {name} | {} | {} .. {} | {word} | {bound:.4} | {:.4} | {sampled:.4} | {} | {:.1} | {:.1} | {:.3} |",
+        "| {name} | {} | {} .. {} | {word} | {bound:.4} | {:.4} | {sampled:.4} | {} | {:.1} | {:.0} | {:.1} |",
         from.vertex_count(),
         knots[0],
         knots[1],
