@@ -9,7 +9,7 @@ use super::gather::Preimage;
 use super::gpu;
 use super::placement::Placement;
 use super::pyramid::{Pyramid, Texel};
-use super::store::{Colors, Outside, store};
+use super::store::{Colors, Outside, gather_and_store, store};
 use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::mapping::plane::{CompositeMap, Lattice, LatticeOptions, Mapped, Preimages};
@@ -138,14 +138,8 @@ pub fn warp_picture(
                 row.iter_mut().enumerate().for_each(|(x, j)| *j = work.jacobian[band.index(x, y)]);
             }
         }
-        work.colors.clear();
-        work.colors.resize(band.len(), [0.0; 4]);
-        job.gather(band, &mut work)?;
+        job.colors(band, &mut work, &mut out)?;
         watch.lap("filter");
-        let keep = (options.outside == Outside::Keep).then_some(work.cover.as_slice());
-        let colors = Colors { band, preimages: &work.preimages, colors: &work.colors, keep };
-        store(image, options.encoding, &colors, &mut out);
-        watch.lap("store");
         progress.advance(band.len() as u64);
     }
     stats.stages = watch.stages().to_vec();
@@ -209,16 +203,21 @@ impl Job<'_> {
         Ok(Some(Starts { lattice, clipped }))
     }
 
-    /// The colours of a band, on the device if the engine has one for this stage.
-    fn gather(&self, band: Band, work: &mut Work) -> Result<()> {
+    /// The colours of a band into the output, gathered on the device if the engine has one for this stage.
+    fn colors(&self, band: Band, work: &mut Work, out: &mut Image) -> Result<()> {
         let (pyramid, filter) = (&self.pyramid, self.options.filter);
-        let Work { bases, preimages, colors, .. } = work;
-        if let Some(gpu) = self.engine.gpu_for("warp_image")
-            && gpu::warp_image(gpu, pyramid, filter, bases, preimages, colors)?
-        {
-            return Ok(());
+        let Work { bases, preimages, colors, cover, .. } = work;
+        let keep = (self.options.outside == Outside::Keep).then_some(cover.as_slice());
+        let pixels = Colors { band, preimages, keep };
+        if let Some(gpu) = self.engine.gpu_for("warp_image") {
+            colors.clear();
+            colors.resize(band.len(), [0.0; 4]);
+            if gpu::warp_image(gpu, pyramid, filter, bases, preimages, colors)? {
+                store(pyramid, colors, &pixels, out);
+                return Ok(());
+            }
         }
-        band.gather(pyramid, filter, bases, preimages, colors);
+        gather_and_store(pyramid, filter, bases, &pixels, out);
         Ok(())
     }
 

@@ -82,8 +82,8 @@ pub fn average(texels: &[Texel], stride: usize, p: [f32; 2], ellipse: &Ellipse) 
     let [a, b, c] = ellipse.form;
     let (x, y) = (p[0] - 0.5, p[1] - 0.5);
     // Rounding up from above -1.
-    let first = (y - ellipse.reach[1]).max(0.0) as usize;
-    let last = (y + ellipse.reach[1]) as usize;
+    let first = (y - ellipse.reach[1]).max(0.0) as i32;
+    let last = (y + ellipse.reach[1]) as i32;
     let (inverse, determinant) = (0.5 / a, b * b - 4.0 * a * c);
     let mut sum = [0.0; 4];
     let mut weights = 0.0;
@@ -95,11 +95,12 @@ pub fn average(texels: &[Texel], stride: usize, p: [f32; 2], ellipse: &Ellipse) 
             continue;
         }
         let (middle, half) = (x - b * dy * inverse, discriminant.sqrt() * inverse);
-        let from = (middle - half).max(0.0) as usize;
-        let to = (middle + half) as usize;
-        let row = &texels[j * stride + from..j * stride + to + 1];
-        for (i, texel) in row.iter().enumerate() {
-            let dx = (from + i) as f32 - x;
+        let from = (middle - half).max(0.0) as i32;
+        let to = (middle + half) as i32;
+        let start = j as usize * stride;
+        let row = &texels[start + from as usize..=start + to as usize];
+        for (i, texel) in (from..).zip(row) {
+            let dx = i as f32 - x;
             let rest = (1.0 - (a * dx + b * dy) * dx - c * dy * dy).max(0.0);
             let w = rest * rest * rest;
             for k in 0..4 {

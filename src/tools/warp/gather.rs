@@ -1,7 +1,9 @@
 //! `warp_image`: the colours of output pixels, gathered from the picture at their pre-images.
 
+use std::ops::Range;
+
 use super::ewa::{Ellipse, average};
-use super::filter::{BILINEAR_REACH, Filter, LANCZOS_REACH, bilinear, lanczos};
+use super::filter::{BILINEAR_REACH, Filter, LANCZOS_REACH, LanczosTable, bilinear, lanczos};
 use super::pyramid::{Pyramid, Texel, Window};
 use crate::engine::{Lane, Lanes, Sweep};
 
@@ -109,8 +111,47 @@ trait Gather: Sync {
     fn takes(&self, index: usize) -> bool;
     /// Place and reach of a pixel that takes part, in texels of the level from the base.
     fn extent(&self, index: usize) -> Extent;
+    /// What the pixels of a part read together, and how many take part.
+    fn extents(&self, block: &Block<'_>, part: Part) -> (Extent, usize) {
+        let mut extent = Extent::EMPTY;
+        let mut pixels = 0;
+        for y in part.y..part.y + part.height {
+            for index in y * block.width + part.x..y * block.width + part.x + part.width {
+                if self.takes(index) {
+                    extent.join(&self.extent(index));
+                    pixels += 1;
+                }
+            }
+        }
+        (extent, pixels)
+    }
     /// Adds the pixel's colour, given the window and where the base lies in it.
-    fn add(&self, index: usize, texels: &[Texel], stride: usize, base: [f32; 2], out: &mut Texel);
+    fn add<L: Lane<E = f32>>(
+        &self,
+        cpu: L::Cpu,
+        index: usize,
+        texels: &[Texel],
+        stride: usize,
+        base: [f32; 2],
+        out: &mut Texel,
+    );
+    /// [`Gather::add`] for the pixels of `row` that take part.
+    #[inline(always)]
+    fn add_row<L: Lane<E = f32>>(
+        &self,
+        cpu: L::Cpu,
+        row: Range<usize>,
+        texels: &[Texel],
+        stride: usize,
+        base: [f32; 2],
+        out: &mut [Texel],
+    ) {
+        for index in row {
+            if self.takes(index) {
+                self.add::<L>(cpu, index, texels, stride, base, &mut out[index]);
+            }
+        }
+    }
 }
 
 /// The colours of a block: decoded, multiplied by alpha, not yet by [`Preimage::cover`]; left as they are where that is 0.
@@ -118,6 +159,7 @@ trait Gather: Sync {
 /// The mirror of the kernel of the same name. Time O(pixels x texels read); memory for a window of a few hundred texels a side.
 /// The picture is continued by its border.
 pub fn warp_image(pyramid: &Pyramid<'_>, filter: Filter, block: &Block<'_>, window: &mut Window, out: &mut [Texel]) {
+    let table = LanczosTable::get();
     let whole = Part { x: 0, y: 0, width: block.width, height: block.preimages.len() / block.width.max(1) };
     for (o, p) in out.iter_mut().zip(block.preimages) {
         if p.cover > 0.0 {
@@ -125,14 +167,14 @@ pub fn warp_image(pyramid: &Pyramid<'_>, filter: Filter, block: &Block<'_>, wind
         }
     }
     match filter {
-        Filter::Bilinear => run(pyramid, block, &Nearest::<false> { block }, whole, window, out),
-        Filter::Lanczos => run(pyramid, block, &Nearest::<true> { block }, whole, window, out),
+        Filter::Bilinear => run(pyramid, block, &Nearest::<false> { block, table }, whole, window, out),
+        Filter::Lanczos => run(pyramid, block, &Nearest::<true> { block, table }, whole, window, out),
         Filter::Ewa => {
             let ellipses: Vec<Ellipse> =
                 block.preimages.iter().map(|p| Ellipse::new(p.dx, p.dy, pyramid.levels())).collect();
             let seen = || block.preimages.iter().zip(&ellipses).filter(|(p, _)| p.cover > 0.0).map(|(_, e)| e);
             if seen().any(|e| e.share < 1.0) {
-                run(pyramid, block, &Interpolated { block, ellipses: &ellipses }, whole, window, out);
+                run(pyramid, block, &Interpolated { block, table, ellipses: &ellipses }, whole, window, out);
             }
             let lowest = seen().map(|e| e.level).min().unwrap_or(0);
             let highest = seen().map(|e| e.level).max().unwrap_or(0);
@@ -154,16 +196,7 @@ fn run<G: Gather>(
     window: &mut Window,
     out: &mut [Texel],
 ) {
-    let mut extent = Extent::EMPTY;
-    let mut pixels = 0;
-    for y in part.y..part.y + part.height {
-        for index in y * block.width + part.x..y * block.width + part.x + part.width {
-            if gather.takes(index) {
-                extent.join(&gather.extent(index));
-                pixels += 1;
-            }
-        }
-    }
+    let (extent, pixels) = gather.extents(block, part);
     if pixels == 0 {
         return;
     }
@@ -189,8 +222,7 @@ fn run<G: Gather>(
     Lanes::detect().run(Apply { block, gather, part, window, shift, out });
 }
 
-/// Gathers the pixels of a part from its window: what the processor's widest instructions are used for. Nothing in it asks how
-/// wide they are, and products are not fused with sums, so that every processor gives the same bytes.
+/// Gathers the pixels of a part from its window: what the processor's widest instructions are used for.
 struct Apply<'a, G> {
     block: &'a Block<'a>,
     gather: &'a G,
@@ -202,14 +234,12 @@ struct Apply<'a, G> {
 
 impl<G: Gather> Sweep<f32> for Apply<'_, G> {
     #[inline(always)]
-    fn run<L: Lane<E = f32>>(self, _cpu: L::Cpu) {
+    fn run<L: Lane<E = f32>>(self, cpu: L::Cpu) {
         let Part { x, y, width, height } = self.part;
-        for row in y..y + height {
-            for index in row * self.block.width + x..row * self.block.width + x + width {
-                if self.gather.takes(index) {
-                    self.gather.add(index, &self.window.texels, self.window.width, self.shift, &mut self.out[index]);
-                }
-            }
+        for j in y..y + height {
+            let start = j * self.block.width + x;
+            let row = start..start + width;
+            self.gather.add_row::<L>(cpu, row, &self.window.texels, self.window.width, self.shift, self.out);
         }
     }
 }
@@ -217,6 +247,7 @@ impl<G: Gather> Sweep<f32> for Apply<'_, G> {
 /// Bilinear, or Lanczos-3 if `SHARP`.
 struct Nearest<'a, const SHARP: bool> {
     block: &'a Block<'a>,
+    table: &'static LanczosTable,
 }
 
 impl<const SHARP: bool> Gather for Nearest<'_, SHARP> {
@@ -239,18 +270,76 @@ impl<const SHARP: bool> Gather for Nearest<'_, SHARP> {
         Extent::around(self.block.preimages[index].place(), [reach; 2])
     }
 
+    fn extents(&self, block: &Block<'_>, part: Part) -> (Extent, usize) {
+        // All reach as far: the outermost points decide.
+        let (mut low, mut high) = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
+        let mut pixels = 0;
+        for y in part.y..part.y + part.height {
+            let start = y * block.width + part.x;
+            for p in &block.preimages[start..start + part.width] {
+                if p.cover > 0.0 {
+                    for a in 0..2 {
+                        low[a] = if p.at[a] < low[a] { p.at[a] } else { low[a] };
+                        high[a] = if p.at[a] > high[a] { p.at[a] } else { high[a] };
+                    }
+                    pixels += 1;
+                }
+            }
+        }
+        if pixels == 0 {
+            return (Extent::EMPTY, 0);
+        }
+        let reach = if SHARP { LANCZOS_REACH } else { BILINEAR_REACH };
+        let limit = |v: [f32; 2]| v.map(|v| v.clamp(-FARTHEST, FARTHEST));
+        let mut extent = Extent::around(limit(low), [reach; 2]);
+        extent.join(&Extent::around(limit(high), [reach; 2]));
+        (extent, pixels)
+    }
+
     #[inline(always)]
-    fn add(&self, index: usize, texels: &[Texel], stride: usize, base: [f32; 2], out: &mut Texel) {
-        let p = &self.block.preimages[index];
-        let [x, y] = p.place();
+    fn add<L: Lane<E = f32>>(
+        &self,
+        cpu: L::Cpu,
+        index: usize,
+        texels: &[Texel],
+        stride: usize,
+        base: [f32; 2],
+        out: &mut Texel,
+    ) {
+        let [x, y] = self.block.preimages[index].place();
         let at = [x + base[0], y + base[1]];
-        *out = if SHARP { lanczos(texels, stride, at) } else { bilinear(texels, stride, at) };
+        *out =
+            if SHARP { lanczos::<L>(cpu, texels, stride, at, self.table) } else { bilinear::<L>(texels, stride, at) };
+    }
+
+    #[inline(always)]
+    fn add_row<L: Lane<E = f32>>(
+        &self,
+        cpu: L::Cpu,
+        row: Range<usize>,
+        texels: &[Texel],
+        stride: usize,
+        base: [f32; 2],
+        out: &mut [Texel],
+    ) {
+        for (p, out) in self.block.preimages[row.clone()].iter().zip(&mut out[row]) {
+            if p.cover > 0.0 {
+                let [x, y] = p.place();
+                let at = [x + base[0], y + base[1]];
+                *out = if SHARP {
+                    lanczos::<L>(cpu, texels, stride, at, self.table)
+                } else {
+                    bilinear::<L>(texels, stride, at)
+                };
+            }
+        }
     }
 }
 
 /// The interpolated share of pixels that are not averaged.
 struct Interpolated<'a> {
     block: &'a Block<'a>,
+    table: &'static LanczosTable,
     ellipses: &'a [Ellipse],
 }
 
@@ -274,10 +363,18 @@ impl Gather for Interpolated<'_> {
     }
 
     #[inline(always)]
-    fn add(&self, index: usize, texels: &[Texel], stride: usize, base: [f32; 2], out: &mut Texel) {
+    fn add<L: Lane<E = f32>>(
+        &self,
+        cpu: L::Cpu,
+        index: usize,
+        texels: &[Texel],
+        stride: usize,
+        base: [f32; 2],
+        out: &mut Texel,
+    ) {
         let p = &self.block.preimages[index];
         let [x, y] = p.place();
-        let color = lanczos(texels, stride, [x + base[0], y + base[1]]);
+        let color = lanczos::<L>(cpu, texels, stride, [x + base[0], y + base[1]], self.table);
         let share = 1.0 - self.ellipses[index].share;
         for c in 0..4 {
             out[c] += share * color[c];
@@ -322,7 +419,15 @@ impl Gather for Averaged<'_> {
     }
 
     #[inline(always)]
-    fn add(&self, index: usize, texels: &[Texel], stride: usize, base: [f32; 2], out: &mut Texel) {
+    fn add<L: Lane<E = f32>>(
+        &self,
+        _cpu: L::Cpu,
+        index: usize,
+        texels: &[Texel],
+        stride: usize,
+        base: [f32; 2],
+        out: &mut Texel,
+    ) {
         let p = self.place(index);
         let e = &self.ellipses[index];
         let color = average(texels, stride, [p[0] + base[0], p[1] + base[1]], e);

@@ -107,7 +107,7 @@ impl<'a> Pyramid<'a> {
         let level = level.min(self.levels - 1);
         window.origin = origin;
         [window.width, window.height] = size;
-        window.texels.clear();
+        // Every texel is written below.
         window.texels.resize(size[0] * size[1], [0.0; 4]);
         if window.texels.is_empty() {
             return;
@@ -220,9 +220,9 @@ fn decode<T: Sample, const C: usize>(samples: &[T], start: usize, encoding: Enco
     let samples = &samples[start * C..(start + out.len()) * C];
     for (out, pixel) in out.iter_mut().zip(samples.chunks_exact(C)) {
         let texel: [f32; C] = encoding.decode(pixel);
-        for c in 0..C {
-            out[c] = texel[c];
-        }
+        let mut whole = [0.0; 4];
+        whole[..C].copy_from_slice(&texel);
+        *out = whole;
     }
 }
 
