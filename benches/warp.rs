@@ -7,6 +7,7 @@ mod support;
 
 use barymap::engine::{Backend, Engine, EngineOptions};
 use barymap::mapping::plane::{Cage, CompositeMap, PartitionKind, PartitionOptions, PathKind, partition};
+use barymap::models::polygons;
 use barymap::progress::Quiet;
 use barymap::raster::{Depth, Image, Pixels};
 use barymap::tools::transfer::Encoding;
@@ -15,12 +16,13 @@ use barymap::tools::warp::gather::Preimage;
 use barymap::tools::warp::gpu::warp_image;
 use barymap::tools::warp::pyramid::Pyramid;
 use barymap::tools::warp::store::{Colors, gather_and_store};
-use barymap::tools::warp::{Filter, WarpOptions, warp_picture};
-use glam::DVec2;
+use barymap::tools::warp::{Filter, Preview, WarpOptions, warp_picture};
+use glam::{DVec2, UVec2};
 use support::{Result, best, once};
 
 const WIDTH: usize = 1920;
 const HEIGHT: usize = 1080;
+const MIDDLE: DVec2 = DVec2::new(960.0, 540.0);
 
 fn noise(channels: u32, depth: Depth) -> Result<Image> {
     let mut image = Image::zeros(WIDTH as u32, HEIGHT as u32, channels, depth)?;
@@ -181,8 +183,49 @@ fn whole() -> Result<()> {
     Ok(())
 }
 
+/// Dragging: the map at the nodes of the lattice again, and a frame from them, against the frame with exact pre-images.
+fn preview() -> Result<()> {
+    let star = |turn: f64| -> Vec<Vec<DVec2>> {
+        vec![
+            polygons::star(64, &[1.0], turn, DVec2::ZERO)
+                .iter()
+                .map(|v| *v * DVec2::new(860.0, 500.0) + MIDDLE)
+                .collect(),
+        ]
+    };
+    let cage = Cage::new(star(0.0), star(0.5))?;
+    let options =
+        PartitionOptions { kind: PartitionKind::Uniform(9), path: PathKind::Linear, ..PartitionOptions::default() };
+    let image = noise(3, Depth::U8)?;
+    println!("\n1920 x 1080, 64 vertices, 9 steps, a preview; milliseconds of CPU time / 2");
+    println!("| back end | nodes | lattice again | picture from it | both | exact, bilinear / both |");
+    println!("|---|---|---|---|---|---|");
+    for backend in [Backend::Cpu, Backend::Gpu] {
+        let Ok(engine) = Engine::new(EngineOptions { backend, ..EngineOptions::default() }) else { continue };
+        let map = CompositeMap::new(options.coordinates, partition(&engine, &cage, &options, &Quiet)?.polygons)?;
+        let mut preview = Preview::new(&engine, &image, &map, UVec2::new(WIDTH as u32, HEIGHT as u32))?;
+        let lattice = best(7, || preview.drag(&engine, &map))?;
+        let frame = best(7, || preview.frame().map(drop))?;
+        let exact = WarpOptions { filter: Filter::Bilinear, ..WarpOptions::default() };
+        let (done, spent) = once(|| warp_picture(&engine, &image, &map, &exact, &Quiet));
+        done?;
+        let ms = |cpu: f64| 500.0 * cpu;
+        println!(
+            "| {} | {} | {:.1} | {:.1} | {:.1} | {:.0} |",
+            engine.description().backend,
+            preview.lattice().points.len(),
+            ms(lattice.cpu),
+            ms(frame.cpu),
+            ms(lattice.cpu + frame.cpu),
+            spent.cpu / (lattice.cpu + frame.cpu)
+        );
+    }
+    Ok(())
+}
+
 fn main() -> Result<()> {
     filters()?;
     on_a_device()?;
-    whole()
+    whole()?;
+    preview()
 }

@@ -1,7 +1,12 @@
 //! Maps in the plane on the CPU in single precision, against double precision.
 
 use barymap::engine::Engine;
-use barymap::mapping::plane::{Coordinates, Step, map_points, map_points_with_derivatives};
+use barymap::geometry::{Polygon, Side};
+use barymap::mapping::plane::{
+    CompositeMap, Coordinates, Lattice, LatticeOptions, Preimages, Step, map_points, map_points_with_derivatives,
+};
+use barymap::models::polygons::twisted_star;
+use glam::{DVec2, UVec2};
 
 use crate::plane_cases::{Case, check_accuracy, drift, far_fault, far_points, mapped, pairs, points, to_regular};
 
@@ -105,4 +110,40 @@ fn hostile_steps_do_not_panic() {
             map_points(&Engine::cpu(), std::slice::from_ref(&step), &mut points).unwrap();
         }
     }
+}
+
+#[test]
+fn every_pixel_of_a_large_picture_has_an_exact_pre_image() {
+    const SIDE: u32 = 2048;
+    // Every step has J >= 0.05: .171, .100, .321 and .158.
+    let pair = twisted_star();
+    let at = |t: f64| {
+        let (a, b) = (pair.source.vertices(), pair.target.vertices());
+        let place = |v: DVec2| (v + 1.02) * (f64::from(SIDE) / 2.04);
+        Polygon::from_loops(vec![a.zip(b).map(|(a, b)| place(a.lerp(b, t))).collect()])
+    };
+    let map = CompositeMap::new(Coordinates::MeanValue, [0.0, 0.5, 0.75, 0.875, 1.0].map(at).to_vec()).unwrap();
+    let engine = Engine::cpu();
+    let lattice = Lattice::new(DVec2::ZERO, DVec2::splat(f64::from(SIDE)), &LatticeOptions::default(), |p| {
+        map.images_of_points(&engine, p)
+    })
+    .unwrap();
+    let rough = Preimages::of(&lattice, DVec2::ZERO, UVec2::splat(SIDE));
+    let (mut pixels, mut guesses) = (Vec::new(), Vec::new());
+    for i in 0..SIDE * SIDE {
+        let q = DVec2::new(f64::from(i % SIDE), f64::from(i / SIDE)) + 0.5;
+        if map.target().contains(q) == Side::Inside {
+            assert!(rough.covered[i as usize], "the lattice misses pixel {q}");
+            pixels.push(q);
+            guesses.push(DVec2::from(rough.points[i as usize].map(f64::from)));
+        }
+    }
+    assert!(pixels.len() > 1_000_000, "{}", pixels.len());
+    let found = map.inverse_points(&engine, &pixels, Some(&guesses)).unwrap();
+    let points: Vec<DVec2> = found.iter().map(|p| p.expect("one pre-image each").point).collect();
+    let back = map.images_of_points(&Engine::reference(), &points).unwrap();
+    let worst = pixels.iter().zip(&back).map(|(q, b)| (*q - *b).length()).fold(0.0, f64::max);
+    assert!(worst <= 1e-3, "{worst} pixels");
+    let rough_worst = pixels.iter().zip(map.images_of_points(&Engine::reference(), &guesses).unwrap());
+    assert!(rough_worst.map(|(q, b)| (*q - b).length()).fold(0.0, f64::max) > 1e-3, "the measure sees rough starts");
 }
