@@ -109,7 +109,7 @@ mod tests {
     #[test]
     fn areas_are_exact() {
         let square = v(&[(1.25, 0.5), (3.5, 0.5), (3.5, 2.75), (1.25, 2.75)]);
-        let cover = pixel_cover(&[square.clone()], 5, 0, 4);
+        let cover = pixel_cover(std::slice::from_ref(&square), 5, 0, 4);
         let span = |i: usize, a: f64, b: f64| (b.min(i as f64 + 1.0) - a.max(i as f64)).max(0.0);
         for (k, c) in cover.iter().enumerate() {
             let expected = span(k % 5, 1.25, 3.5) * span(k / 5, 0.5, 2.75);
@@ -132,7 +132,7 @@ mod tests {
             };
             let ring: Vec<DVec2> = (0..n).map(at).collect();
             let area: f64 = (0..n).map(|i| at(i).perp_dot(at(i + 1))).sum::<f64>() / 2.0;
-            let cover = pixel_cover(&[ring.clone()], 41, 0, 37);
+            let cover = pixel_cover(std::slice::from_ref(&ring), 41, 0, 37);
             let sum: f64 = cover.iter().map(|c| f64::from(*c)).sum();
             assert!((sum - area.abs()).abs() < 1e-3, "{n}: {sum} {area}");
             let reversed: Vec<DVec2> = ring.into_iter().rev().collect();

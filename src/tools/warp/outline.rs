@@ -26,6 +26,9 @@ pub struct MappedVertex {
     pub from: (usize, f64),
 }
 
+/// Segment and place on it, and the image there.
+type Sample = ((usize, f64), Option<DVec2>);
+
 /// A piece of a segment with the images of its ends.
 struct Piece {
     curve: usize,
@@ -56,7 +59,7 @@ pub fn map_curves(
     }
     let images = map(&corners)?;
     // Parameter and image of the points of each curve, sorted at the end.
-    let mut found: Vec<Vec<((usize, f64), Option<DVec2>)>> = Vec::with_capacity(curves.len());
+    let mut found: Vec<Vec<Sample>> = Vec::with_capacity(curves.len());
     let mut open = Vec::new();
     let mut first = 0;
     for (k, curve) in curves.iter().enumerate() {
@@ -99,7 +102,7 @@ pub fn map_curves(
         }
         open = next;
     }
-    let whole = |mut points: Vec<((usize, f64), Option<DVec2>)>| -> Option<Vec<MappedVertex>> {
+    let whole = |mut points: Vec<Sample>| -> Option<Vec<MappedVertex>> {
         points.sort_by(|(a, _), (b, _)| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
         points
             .into_iter()
