@@ -204,8 +204,8 @@ fn preview() -> Result<()> {
         let Ok(engine) = Engine::new(EngineOptions { backend, ..EngineOptions::default() }) else { continue };
         let map = CompositeMap::new(options.coordinates, partition(&engine, &cage, &options, &Quiet)?.polygons)?;
         let mut preview = Preview::new(&engine, &image, &map, UVec2::new(WIDTH as u32, HEIGHT as u32))?;
-        let lattice = best(7, || preview.drag(&engine, &map))?;
-        let frame = best(7, || preview.frame().map(drop))?;
+        let lattice = best(7, || Ok(preview.drag(&engine, &map)?))?;
+        let frame = best(7, || Ok(drop(preview.frame()?)))?;
         let exact = WarpOptions { filter: Filter::Bilinear, ..WarpOptions::default() };
         let (done, spent) = once(|| warp_picture(&engine, &image, &map, &exact, &Quiet));
         done?;
