@@ -38,7 +38,7 @@ fn band(rows: usize, width: usize, strength: f32, far: i32) -> (Band, Vec<[i32; 
 
 fn picture(width: u32, height: u32) -> Image {
     let count = (width * height * 4) as usize;
-    Image::new(width, height, 4, Pixels::U8((0..count).map(|i| (i * 2_654_435_761 >> 11) as u8).collect())).unwrap()
+    Image::new(width, height, 4, Pixels::U8((0..count).map(|i| ((i * 2_654_435_761) >> 11) as u8).collect())).unwrap()
 }
 
 #[test]
