@@ -148,8 +148,9 @@ fn on_a_device() -> Result<()> {
 fn whole() -> Result<()> {
     let star = |turn: f64| -> Vec<Vec<DVec2>> {
         let at = |k: usize| {
-            let r = if k % 2 == 0 { 520.0 } else { 380.0 };
-            let (s, c) = f64::sin_cos(std::f64::consts::TAU * k as f64 / 64.0 + if k % 2 == 0 { turn } else { 0.0 });
+            let r = if k.is_multiple_of(2) { 520.0 } else { 380.0 };
+            let (s, c) =
+                f64::sin_cos(std::f64::consts::TAU * k as f64 / 64.0 + if k.is_multiple_of(2) { turn } else { 0.0 });
             DVec2::new(960.0 + 1.6 * r * c, 540.0 + r * s)
         };
         vec![(0..64).map(at).collect()]

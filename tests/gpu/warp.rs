@@ -27,7 +27,7 @@ fn band(rows: usize, width: usize, strength: f32, far: i32) -> (Band, Vec<[i32; 
                     at: [p[0] - place.x as f32, p[1] - place.y as f32],
                     dx: [s, 0.28 * (0.07 * x).sin()],
                     dy: [0.5 * (0.1 * y).cos() * s * 3.0, s],
-                    cover: if (place.x + i + place.y + j) % 5 == 0 { 0.0 } else { 1.0 },
+                    cover: if (place.x + i + place.y + j).is_multiple_of(5) { 0.0 } else { 1.0 },
                     block,
                 };
             }
@@ -38,7 +38,7 @@ fn band(rows: usize, width: usize, strength: f32, far: i32) -> (Band, Vec<[i32; 
 
 fn picture(width: u32, height: u32) -> Image {
     let count = (width * height * 4) as usize;
-    Image::new(width, height, 4, Pixels::U8((0..count).map(|i| (i * 2_654_435_761 >> 11) as u8).collect())).unwrap()
+    Image::new(width, height, 4, Pixels::U8((0..count).map(|i| ((i * 2_654_435_761) >> 11) as u8).collect())).unwrap()
 }
 
 #[test]
