@@ -168,7 +168,10 @@ fn frame(n: usize, baseline: f64, gpu: Option<&Engine>) -> Result<()> {
     let options = SampleOptions { resolution: FRAME[0] as u32 };
     for (name, engine) in [("lanes f32", Some(&Engine::cpu())), ("device", gpu)] {
         let Some(engine) = engine else { continue };
-        let spent = best(2, || Ok(drop(jacobian_min(engine, Coordinates::MeanValue, &pairs, &options)?)))?;
+        let spent = best(2, || {
+            jacobian_min(engine, Coordinates::MeanValue, &pairs, &options)?;
+            Ok(())
+        })?;
         let inside = std::f64::consts::FRAC_PI_4 * count as f64;
         let seconds = spent.cpu / 2.0;
         println!("  {name}: smallest Jacobian {seconds:.3} s, {:.1} x", baseline * 1e-9 * inside / seconds);

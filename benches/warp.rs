@@ -206,7 +206,10 @@ fn preview() -> Result<()> {
         let map = CompositeMap::new(options.coordinates, partition(&engine, &cage, &options, &Quiet)?.polygons)?;
         let mut preview = Preview::new(&engine, &image, &map, UVec2::new(WIDTH as u32, HEIGHT as u32))?;
         let lattice = best(7, || Ok(preview.drag(&engine, &map)?))?;
-        let frame = best(7, || Ok(drop(preview.frame()?)))?;
+        let frame = best(7, || {
+            preview.frame()?;
+            Ok(())
+        })?;
         let exact = WarpOptions { filter: Filter::Bilinear, ..WarpOptions::default() };
         let (done, spent) = once(|| warp_picture(&engine, &image, &map, &exact, &Quiet));
         done?;
