@@ -35,14 +35,8 @@ impl Quality {
     pub const DEFAULT: Self =
         Self { direct: 7000, direct_iterations: 12, decrease: 1e-2, steps: 2, gradient_steps: 100, sweeps: 0 };
     /// The minimum of G, by direct solves up to 30,000 free vertices.
-    pub const CONVERGED: Self = Self {
-        direct: 30_000,
-        direct_iterations: 60,
-        decrease: 1e-6,
-        steps: 20,
-        gradient_steps: 1000,
-        sweeps: 0,
-    };
+    pub const CONVERGED: Self =
+        Self { direct: 30_000, direct_iterations: 60, decrease: 1e-6, steps: 20, gradient_steps: 1000, sweeps: 0 };
 }
 
 /// What happened on one stage.
@@ -149,7 +143,8 @@ impl Decoder {
         for (k, stage) in h.stages.iter().enumerate() {
             let clock = Instant::now();
             let free = stage.vertices - h.held;
-            let method = if free <= quality.direct { Method::Direct } else { Method::Gradients(quality.gradient_steps) };
+            let method =
+                if free <= quality.direct { Method::Direct } else { Method::Gradients(quality.gradient_steps) };
             match &last {
                 Some(last) if method == Method::Direct => {
                     positions[h.held..stage.vertices].copy_from_slice(&last[h.held..stage.vertices]);

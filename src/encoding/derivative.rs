@@ -68,13 +68,7 @@ impl<R: Real> Linearisation<R> {
     }
 }
 
-fn row_derivative<R: Real>(
-    positions: &[V3<R>],
-    ring: &[u32],
-    w: &[R],
-    b: &[R],
-    z: &mut [V3<R>],
-) -> RowDerivative<R> {
+fn row_derivative<R: Real>(positions: &[V3<R>], ring: &[u32], w: &[R], b: &[R], z: &mut [V3<R>]) -> RowDerivative<R> {
     let frame = Frame::new(positions, ring, w);
     let origin = positions[ring[0] as usize];
     let mut out = RowDerivative {
@@ -214,7 +208,8 @@ pub(crate) fn blocks(
                 let dn = scale(add_scaled(t, d.normal, -dot(d.normal, t)), d.inverse_length);
                 let ds = along[c] - dot(d.h, dn);
                 for r in 0..3 {
-                    block[3 * r + c] = d.normal[r] * ds + d.offset * dn[r] + if r == c { encoding.w[slot] } else { 0.0 };
+                    block[3 * r + c] =
+                        d.normal[r] * ds + d.offset * dn[r] + if r == c { encoding.w[slot] } else { 0.0 };
                 }
             }
         }

@@ -37,7 +37,10 @@ impl std::fmt::Debug for DirectSolver {
 }
 
 fn failed(what: &str) -> Error {
-    Error::numeric(format!("the system of the encoding could not be solved: {what}"), "Use a smaller mesh or more memory")
+    Error::numeric(
+        format!("the system of the encoding could not be solved: {what}"),
+        "Use a smaller mesh or more memory",
+    )
 }
 
 impl DirectSolver {
@@ -104,8 +107,9 @@ impl DirectSolver {
         }
         let diagonal = column_start[..free].iter().map(|&b| b as u32).collect();
         let pattern = SymbolicSparseColMat::new_checked(3 * free, 3 * free, starts, None, rows);
-        let symbolic = factorize_symbolic_cholesky(pattern.as_ref(), Side::Lower, SymmetricOrdering::Amd, Default::default())
-            .map_err(|e| failed(&format!("{e:?}")))?;
+        let symbolic =
+            factorize_symbolic_cholesky(pattern.as_ref(), Side::Lower, SymmetricOrdering::Amd, Default::default())
+                .map_err(|e| failed(&format!("{e:?}")))?;
         let memory = |request| MemBuffer::try_new(request).map_err(|_| failed("out of memory"));
         let scratch = memory(symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default()))?;
         let solve_scratch = memory(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq))?;

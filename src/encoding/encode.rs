@@ -56,13 +56,7 @@ impl Encoding<f64> {
 ///
 /// Offsets are taken over sqrt(d² + tau² rho²) instead of d, rho being the rms radius of the ring, in the decoder too: exact all the same,
 /// finite at d = 0 and differentiable there.
-pub(crate) fn encode_ring(
-    positions: &[V3<f64>],
-    v: u32,
-    ring: &[u32],
-    w: &mut [f64],
-    b: &mut [f64],
-) -> Option<f64> {
+pub(crate) fn encode_ring(positions: &[V3<f64>], v: u32, ring: &[u32], w: &mut [f64], b: &mut [f64]) -> Option<f64> {
     let result = try_encode(positions, v, ring, w, b);
     if result.is_none() {
         w.iter_mut().chain(b.iter_mut()).for_each(|x| *x = 0.0);
@@ -120,11 +114,7 @@ fn try_encode(positions: &[V3<f64>], v: u32, ring: &[u32], w: &mut [f64], b: &mu
 /// Three vertices near `v` in whose triangle it can be encoded, for a vertex whose ring cannot serve (two neighbours at a corner, a ring on a
 /// line or crossing itself): of the vertices within two, else three rings of `v` those with the best shaped triangle and the smallest
 /// weights. `ring_of` gives the neighbours of a vertex.
-pub(crate) fn substitute<'a>(
-    positions: &[V3<f64>],
-    v: u32,
-    ring_of: &impl Fn(u32) -> &'a [u32],
-) -> Option<[u32; 3]> {
+pub(crate) fn substitute<'a>(positions: &[V3<f64>], v: u32, ring_of: &impl Fn(u32) -> &'a [u32]) -> Option<[u32; 3]> {
     let mut near: BTreeSet<u32> = ring_of(v).iter().copied().collect();
     for _ in 0..2 {
         let wider: Vec<u32> = near.iter().flat_map(|&u| ring_of(u)).copied().collect();
@@ -287,7 +277,11 @@ mod tests {
         assert_eq!(encode([[0.0; 3], [-1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, 1.0, 0.0]]), None);
         assert_eq!(encode([[f64::NAN; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]), None);
         // Above a neighbour, and far outside: both are fine.
-        assert!(encode([[1.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]).is_some());
-        assert!(encode([[3.0, 1.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]).is_some());
+        assert!(
+            encode([[1.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]).is_some()
+        );
+        assert!(
+            encode([[3.0, 1.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]).is_some()
+        );
     }
 }

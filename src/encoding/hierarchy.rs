@@ -326,10 +326,8 @@ fn assemble(
     for (k, &v) in order.iter().enumerate() {
         numbers[v as usize] = k as u32;
     }
-    let rings: Vec<Vec<u32>> = sequence
-        .iter()
-        .map(|&k| rounds.removed[k].ring.iter().map(|&u| numbers[u as usize]).collect())
-        .collect();
+    let rings: Vec<Vec<u32>> =
+        sequence.iter().map(|&k| rounds.removed[k].ring.iter().map(|&u| numbers[u as usize]).collect()).collect();
     let splits =
         Stencils::new(order.len(), rings.iter().enumerate().map(|(r, ring)| ((base + r) as u32, ring.as_slice())));
     let gather = |f: &dyn Fn(&Removed) -> &[f64]| -> Vec<f64> {
@@ -337,8 +335,7 @@ fn assemble(
     };
     let split_encoding = Encoding { w: gather(&|r| &r.w), b: gather(&|r| &r.b) };
     let local: Vec<V3<f64>> = order.iter().map(|&v| positions[v as usize]).collect();
-    let mut hierarchy =
-        Hierarchy { order, held, base, splits, split_encoding, level_start, ..Hierarchy::default() };
+    let mut hierarchy = Hierarchy { order, held, base, splits, split_encoding, level_start, ..Hierarchy::default() };
     for (snapshot, levels) in snapshots.iter().zip(stage_levels) {
         let vertices = snapshot.alive.len();
         let mut rings = vec![Vec::new(); vertices];

@@ -92,7 +92,10 @@ fn folds(triangles: &[[u32; 3]], rest: &[V3<f64>], positions: &[V3<f64>]) -> (us
     }
     edges.sort_unstable();
     let normals = |x: &[V3<f64>]| -> Vec<V3<f64>> {
-        triangles.iter().map(|t| cross(sub(x[t[1] as usize], x[t[0] as usize]), sub(x[t[2] as usize], x[t[0] as usize]))).collect()
+        triangles
+            .iter()
+            .map(|t| cross(sub(x[t[1] as usize], x[t[0] as usize]), sub(x[t[2] as usize], x[t[0] as usize])))
+            .collect()
     };
     let (old, new) = (normals(rest), normals(positions));
     let mut around = vec![([0.0; 3], [0.0; 3]); triangles.len()];
@@ -116,6 +119,7 @@ fn folds(triangles: &[[u32; 3]], rest: &[V3<f64>], positions: &[V3<f64>]) -> (us
             count += 1;
         }
     }
-    let flipped = (0..triangles.len()).filter(|&t| dot(new[t], around[t].1) < 0.0 && !(dot(old[t], around[t].0) < 0.0)).count();
+    let flipped =
+        (0..triangles.len()).filter(|&t| dot(new[t], around[t].1) < 0.0 && !(dot(old[t], around[t].0) < 0.0)).count();
     (flipped, (squares / count.max(1) as f64).sqrt().to_degrees())
 }

@@ -92,11 +92,7 @@ impl Similarity {
 
     /// First this, then `next`.
     pub fn then(&self, next: &Self) -> Self {
-        Self {
-            rotation: next.rotation * self.rotation,
-            scale: next.scale * self.scale,
-            shift: next.apply(self.shift),
-        }
+        Self { rotation: next.rotation * self.rotation, scale: next.scale * self.scale, shift: next.apply(self.shift) }
     }
 }
 

@@ -3,7 +3,7 @@
 use super::decode::{encoding_residual, energy};
 use super::derivative::{Linearisation, blocks};
 use super::direct::DirectSolver;
-use super::gradients::{Workspace, apply_transpose, conjugate_gradients};
+use super::gradients::{Gradients, apply_transpose};
 use super::vector::add_scaled;
 use super::{Encoding, Stencils, V3};
 use crate::error::Result;
@@ -41,11 +41,14 @@ pub(crate) struct Solved {
 #[derive(Debug, Default)]
 pub(crate) struct StageSolver {
     direct: Option<DirectSolver>,
-    workspace: Workspace,
+    single: Gradients<f32>,
+    double: Gradients<f64>,
 }
 
 /// G per vertex (in squared lengths of a shape with diagonal one) that is rounding.
 const NOISE: f64 = 1e-30;
+/// Most steps of conjugate gradients that are done in single precision.
+const SINGLE: usize = 300;
 /// Smallest step of the line search.
 const LEAST_STEP: f64 = 1.0 / 1024.0;
 
@@ -88,10 +91,12 @@ impl StageSolver {
                         self.direct.as_mut().is_some_and(|d| d.solve(&blocks, damping, &mut step[held..]))
                     }
                     Method::Gradients(steps) => {
-                        let w = &mut self.workspace;
-                        let done =
-                            conjugate_gradients(stencils, &blocks, held, &gradient, steps, 1e-6, w, &mut step);
-                        solved.gradient_steps += done;
+                        // A few steps need no more than single precision; many would stall in it.
+                        solved.gradient_steps += if steps <= SINGLE {
+                            self.single.solve(stencils, &blocks, held, &gradient, steps, 1e-4, &mut step)
+                        } else {
+                            self.double.solve(stencils, &blocks, held, &gradient, steps, 1e-6, &mut step)
+                        };
                         true
                     }
                 };

@@ -9,7 +9,12 @@ pub const ALGORITHM_VERSION: u32 = 1;
 const MAGIC: [u8; 8] = *b"BARYHIER";
 
 /// The name under which a hierarchy may be kept: a hash of everything it depends on.
-pub fn cache_key(connectivity: &Connectivity, positions: &[V3<f64>], held: &[u32], options: &HierarchyOptions) -> String {
+pub fn cache_key(
+    connectivity: &Connectivity,
+    positions: &[V3<f64>],
+    held: &[u32],
+    options: &HierarchyOptions,
+) -> String {
     let mut hasher = blake3::Hasher::new();
     hasher.update(&MAGIC);
     let mut list = |bytes: &[u8]| {
@@ -127,8 +132,9 @@ impl Hierarchy {
     /// # Errors
     /// [`Error::Input`] if the bytes are cut off, of another version, or do not fit together. The remedy is to make it again.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
-        Self::read(bytes)
-            .ok_or_else(|| Error::input("this is no stored hierarchy of this version", "Delete it; it is made again then"))
+        Self::read(bytes).ok_or_else(|| {
+            Error::input("this is no stored hierarchy of this version", "Delete it; it is made again then")
+        })
     }
 
     fn read(bytes: &[u8]) -> Option<Self> {
@@ -149,9 +155,9 @@ impl Hierarchy {
         let levels_fit = h.level_start.first() == Some(&0)
             && h.level_start.last() == Some(&(rows as u32))
             && h.level_start.windows(2).all(|l| {
-                l[0] < l[1] && (l[0]..l[1]).all(|row| {
-                    h.splits.ring(row as usize).iter().all(|&v| (v as usize) < base + l[0] as usize)
-                })
+                l[0] < l[1]
+                    && (l[0]..l[1])
+                        .all(|row| h.splits.ring(row as usize).iter().all(|&v| (v as usize) < base + l[0] as usize))
             })
             && h.splits.vertex.iter().enumerate().all(|(row, &v)| v as usize == base + row);
         if held > base || base.checked_add(rows)? != n || !levels_fit {

@@ -78,7 +78,10 @@ mod tests {
             ("", "JSON"),
             ("[]", "no list"),
             (r#"{"handles": [{"vertex": -1, "position": [1,2,3]}]}"#, "handle 0"),
-            (r#"{"handles": [{"vertex": 1, "position": [1,2,3]}, {"vertex": 4294967296, "position": [1,2,3]}]}"#, "handle 1"),
+            (
+                r#"{"handles": [{"vertex": 1, "position": [1,2,3]}, {"vertex": 4294967296, "position": [1,2,3]}]}"#,
+                "handle 1",
+            ),
             (r#"{"handles": [{"vertex": 1, "position": [1,2]}]}"#, "three"),
             (r#"{"handles": [{"vertex": 1, "position": [1,2,"x"]}]}"#, "three"),
             (r#"{"handles": [{"vertex": 1, "position": [1,2,1e999]}]}"#, "h.json"),

@@ -118,8 +118,7 @@ impl Deformer {
             .map(|v| targets.get(v).map_or(self.rest[*v as usize], |p| ((*p - self.centre) / self.diagonal).to_array()))
             .collect();
         let starts = self.starts(&held);
-        let component: Vec<u32> =
-            hierarchy.order.iter().map(|&v| self.connectivity.component[v as usize]).collect();
+        let component: Vec<u32> = hierarchy.order.iter().map(|&v| self.connectivity.component[v as usize]).collect();
         let start = |v: usize, p: V3<f64>| starts[component[v] as usize].apply(DVec3::from(p)).to_array();
         let (decoded, report) = self.decoder.decode(&held, start, quality, warm)?;
         let hierarchy = self.decoder.hierarchy();
