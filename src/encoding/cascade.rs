@@ -3,7 +3,8 @@
 use std::time::Instant;
 
 use super::decode::split_level;
-use super::solver::{Method, StageSolver, Stop};
+use super::solver::{Method, Solved, StageSolver, Stop};
+use super::springs::Springs;
 use super::sweeps::gauss_seidel;
 use super::{Hierarchy, V3};
 use crate::error::{Error, Result};
@@ -23,20 +24,30 @@ pub struct Quality {
     pub gradient_steps: usize,
     /// Sweeps of the paper's Gauss-Seidel over the whole mesh at the end.
     pub sweeps: usize,
+    /// Stiffness of the edges' lengths, 0 for plain encoding; 1 already keeps lengths well. The term is 1/2 stiffness sum L² (|e| - s L)² over the edges, L
+    /// being their rest length and s the scale of the start, about a shape of diagonal one.
+    pub stiffness: f64,
 }
 
 impl Quality {
     /// Vertex splits only: what the paper calls decoding without optimisation.
     pub const SPLITS: Self =
-        Self { direct: 0, direct_iterations: 0, decrease: 0.0, steps: 0, gradient_steps: 0, sweeps: 0 };
+        Self { direct: 0, direct_iterations: 0, decrease: 0.0, steps: 0, gradient_steps: 0, sweeps: 0, stiffness: 0.0 };
     /// The coarse stages alone are solved, for previews.
     pub const PREVIEW: Self = Self { direct: 1800, direct_iterations: 8, decrease: 1e-3, ..Self::SPLITS };
     /// Coarse stages converged, two inexact steps on each finer one.
     pub const DEFAULT: Self =
-        Self { direct: 7000, direct_iterations: 12, decrease: 1e-2, steps: 2, gradient_steps: 100, sweeps: 0 };
+        Self { direct: 7000, direct_iterations: 12, decrease: 1e-2, steps: 2, gradient_steps: 100, ..Self::SPLITS };
     /// The minimum of G, by direct solves up to 30,000 free vertices.
-    pub const CONVERGED: Self =
-        Self { direct: 30_000, direct_iterations: 60, decrease: 1e-6, steps: 20, gradient_steps: 1000, sweeps: 0 };
+    pub const CONVERGED: Self = Self {
+        direct: 30_000,
+        direct_iterations: 60,
+        decrease: 1e-6,
+        steps: 20,
+        gradient_steps: 1000,
+        sweeps: 0,
+        stiffness: 0.0,
+    };
 }
 
 /// What happened on one stage.
@@ -54,6 +65,19 @@ pub struct LevelReport {
     pub after: f64,
     /// Seconds of this stage.
     pub seconds: f64,
+}
+
+impl LevelReport {
+    fn new(free: usize, solved: &Solved, clock: Instant) -> Self {
+        Self {
+            free,
+            iterations: solved.iterations,
+            gradient_steps: solved.gradient_steps,
+            before: solved.before,
+            after: solved.after,
+            seconds: clock.elapsed().as_secs_f64(),
+        }
+    }
 }
 
 /// What a decode did.
@@ -107,7 +131,7 @@ impl Decoder {
     /// Positions of all vertices (in the hierarchy's numbering) for given positions of the held ones (in its order).
     ///
     /// `start` moves a free vertex of the base mesh to where it begins, given its number and rest position; a similarity of the held
-    /// vertices makes the result exact. With `warm`, and after an earlier frame of this decoder, coarse stages begin at that frame's
+    /// vertices makes the result exact. `scale` is its scale, which edges keep if the quality asks for it. With `warm`, and after an earlier frame of this decoder, coarse stages begin at that frame's
     /// positions; equal held positions give equal results, bit for bit.
     ///
     /// # Errors
@@ -116,6 +140,7 @@ impl Decoder {
         &mut self,
         held: &[V3<f64>],
         start: impl Fn(usize, V3<f64>) -> V3<f64>,
+        scale: f64,
         quality: &Quality,
         warm: bool,
     ) -> Result<(Vec<V3<f64>>, DecodeReport)> {
@@ -156,27 +181,19 @@ impl Decoder {
                     }
                 }
             }
-            let stop = match method {
-                Method::Direct => Stop { iterations: quality.direct_iterations, decrease: quality.decrease },
-                Method::Gradients(_) => Stop { iterations: quality.steps, decrease: quality.decrease },
-            };
+            let stop = stop(method, quality);
             if stop.iterations > 0 {
+                let springs = Springs::new(&stage.stencils, &self.rest, quality.stiffness, scale);
                 let solved = self.solvers[k].minimise(
                     &stage.stencils,
                     &stage.encoding,
+                    springs.as_ref(),
                     h.held,
                     method,
                     stop,
                     &mut positions[..stage.vertices],
                 )?;
-                report.levels.push(LevelReport {
-                    free,
-                    iterations: solved.iterations,
-                    gradient_steps: solved.gradient_steps,
-                    before: solved.before,
-                    after: solved.after,
-                    seconds: clock.elapsed().as_secs_f64(),
-                });
+                report.levels.push(LevelReport::new(free, &solved, clock));
             }
             if k + 1 == h.stages.len() && quality.sweeps > 0 {
                 gauss_seidel(&stage.stencils, &stage.encoding, h.held, quality.sweeps, &mut positions);
@@ -191,4 +208,39 @@ impl Decoder {
         self.last = Some(positions.clone());
         Ok((positions, report))
     }
+
+    /// Minimises G on the whole mesh alone, from `positions` (in the hierarchy's numbering, held ones in place) to where it ends.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a wrong number of positions; [`Error::Numeric`] if a system could not be set up.
+    pub fn refine(&mut self, positions: &mut [V3<f64>], scale: f64, quality: &Quality) -> Result<LevelReport> {
+        let h = &self.hierarchy;
+        let (Some(stage), Some(solver)) = (h.stages.last(), self.solvers.last_mut()) else {
+            return Err(Error::input("the hierarchy is empty", "Make it from a mesh"));
+        };
+        if positions.len() != stage.vertices {
+            let what = format!("{} positions for {} vertices", positions.len(), stage.vertices);
+            return Err(Error::input(what, "Give one each, in the hierarchy's numbering"));
+        }
+        let clock = Instant::now();
+        let free = stage.vertices - h.held;
+        let method = method(free, quality);
+        let springs = Springs::new(&stage.stencils, &self.rest, quality.stiffness, scale);
+        let stop = stop(method, quality);
+        let solved =
+            solver.minimise(&stage.stencils, &stage.encoding, springs.as_ref(), h.held, method, stop, positions)?;
+        Ok(LevelReport::new(free, &solved, clock))
+    }
+}
+
+fn method(free: usize, quality: &Quality) -> Method {
+    if free <= quality.direct { Method::Direct } else { Method::Gradients(quality.gradient_steps) }
+}
+
+fn stop(method: Method, quality: &Quality) -> Stop {
+    let iterations = match method {
+        Method::Direct => quality.direct_iterations,
+        Method::Gradients(_) => quality.steps,
+    };
+    Stop { iterations, decrease: quality.decrease }
 }

@@ -10,7 +10,7 @@
 //! - [`decode`]: section 2.2, equation 13: F of one ring, of a level of vertex splits, and V - F of all rings
 //! - [`derivative`]: the analytic derivative of F; products with I - dF and its transpose as gathers
 //! - `collapse`, `cost`, [`hierarchy`]: section 3.1
-//! - `solver`, `direct`, `gradients`, `sweeps`: section 3.2.2, Gauss-Newton with line search
+//! - `solver`, `direct`, `gradients`, `sweeps`: section 3.2.2, Gauss-Newton with line search; `springs`, ours: lengths of edges
 //! - [`cascade`]: section 3.2, coarse to fine
 //! - [`measures`]: how far a shape is from another one, in neutral terms
 //!
@@ -30,6 +30,7 @@ pub mod hierarchy;
 pub mod measures;
 pub mod similarity;
 mod solver;
+mod springs;
 mod stencil;
 mod store;
 mod sweeps;
