@@ -37,7 +37,7 @@ impl Quality {
     pub const PREVIEW: Self = Self { direct: 1800, direct_iterations: 8, decrease: 1e-3, ..Self::SPLITS };
     /// Coarse stages converged, two inexact steps on each finer one.
     pub const DEFAULT: Self =
-        Self { direct: 7000, direct_iterations: 12, decrease: 1e-2, steps: 2, gradient_steps: 100, ..Self::SPLITS };
+        Self { direct: 7000, direct_iterations: 12, decrease: 1e-2, steps: 2, gradient_steps: 150, ..Self::SPLITS };
     /// The minimum of G, by direct solves up to 30,000 free vertices.
     pub const CONVERGED: Self = Self {
         direct: 30_000,
@@ -103,6 +103,8 @@ pub struct Decoder {
     solvers: Vec<StageSolver>,
     /// The last held positions and all that followed from them.
     last: Option<Vec<V3<f64>>>,
+    /// The coefficients are not those of the last frame.
+    changed: bool,
 }
 
 impl Decoder {
@@ -110,7 +112,7 @@ impl Decoder {
     pub fn new(hierarchy: Hierarchy, rest: &[V3<f64>]) -> Self {
         let rest = hierarchy.order.iter().map(|&v| rest[v as usize]).collect();
         let solvers = hierarchy.stages.iter().map(|_| StageSolver::default()).collect();
-        Self { hierarchy, rest, solvers, last: None }
+        Self { hierarchy, rest, solvers, last: None, changed: false }
     }
 
     /// The hierarchy.
@@ -123,9 +125,15 @@ impl Decoder {
         &self.rest
     }
 
-    /// Forgets the frame before.
-    pub fn reset(&mut self) {
-        self.last = None;
+    /// Takes `positions` (in the hierarchy's numbering) for the frame before; `None` forgets it.
+    pub fn set_last(&mut self, positions: Option<Vec<V3<f64>>>) {
+        self.last = positions.filter(|p| p.len() == self.rest.len());
+    }
+
+    /// Changes the coefficients, for example to an average of several shapes' ([`super::Blend`]). Rings must stay as they are.
+    pub fn change_encoding(&mut self, change: impl FnOnce(&mut Hierarchy)) {
+        change(&mut self.hierarchy);
+        self.changed = true;
     }
 
     /// Positions of all vertices (in the hierarchy's numbering) for given positions of the held ones (in its order).
@@ -154,7 +162,8 @@ impl Decoder {
             return Err(Error::input(what, "Give numbers"));
         }
         let last = self.last.take().filter(|_| warm);
-        if let Some(last) = last.as_ref().filter(|l| l[..h.held] == *held) {
+        let changed = std::mem::take(&mut self.changed);
+        if let Some(last) = last.as_ref().filter(|l| !changed && l[..h.held] == *held) {
             let same = last.clone();
             self.last = Some(same.clone());
             return Ok((same, DecodeReport::default()));

@@ -8,6 +8,7 @@ mod devices;
 mod embed;
 mod map;
 mod method;
+mod morph;
 mod progress_bar;
 mod render;
 mod transfer;
@@ -50,6 +51,8 @@ enum Command {
     Transfer(transfer::Arguments),
     /// Poses a mesh by a few of its vertices and keeps its shape
     Deform(deform::Arguments),
+    /// In-betweens and blends of meshes of the same connectivity
+    Morph(morph::Arguments),
     /// A shaded picture of a mesh, to look at results
     Render(render::Arguments),
 }
@@ -66,6 +69,7 @@ fn run(cli: &Cli) -> Result<()> {
         Command::Map(a) => map::run(common, a),
         Command::Transfer(a) => transfer::run(common, a),
         Command::Deform(a) => deform::run(common, a),
+        Command::Morph(a) => morph::run(common, a),
         Command::Render(a) => render::run(common, a),
     }
 }

@@ -3,6 +3,7 @@
 mod decode;
 mod exact;
 mod faults;
+mod morph;
 mod standard;
 #[path = "../../common/tube.rs"]
 mod tube;
