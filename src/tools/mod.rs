@@ -1,5 +1,7 @@
 //! What users do: combinations of the methods.
 pub mod cover;
+pub mod deform;
+pub mod morph;
 pub mod render;
 pub mod stopwatch;
 pub mod transfer;

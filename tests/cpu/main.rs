@@ -4,6 +4,7 @@ mod accuracy;
 #[path = "../common/mod.rs"]
 mod common;
 mod embedding;
+mod encoding;
 mod io;
 mod models;
 mod plane;

@@ -3,11 +3,13 @@
 mod cage_map;
 mod check;
 mod common;
+mod deform;
 mod demo;
 mod devices;
 mod embed;
 mod map;
 mod method;
+mod morph;
 mod progress_bar;
 mod render;
 mod transfer;
@@ -54,6 +56,10 @@ enum Command {
     Warp(warp::Arguments),
     /// Warps points and outlines by a cage, either way
     WarpPoints(warp_points::Arguments),
+    /// Poses a mesh by a few of its vertices and keeps its shape
+    Deform(deform::Arguments),
+    /// In-betweens and blends of meshes of the same connectivity
+    Morph(morph::Arguments),
     /// A shaded picture of a mesh, to look at results
     Render(render::Arguments),
 }
@@ -71,6 +77,8 @@ fn run(cli: &Cli) -> Result<()> {
         Command::Transfer(a) => transfer::run(common, a),
         Command::Warp(a) => warp::run(common, a),
         Command::WarpPoints(a) => warp_points::run(common, a),
+        Command::Deform(a) => deform::run(common, a),
+        Command::Morph(a) => morph::run(common, a),
         Command::Render(a) => render::run(common, a),
     }
 }
