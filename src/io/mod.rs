@@ -12,6 +12,7 @@ pub mod gltf_read;
 pub mod gltf_write;
 pub mod image_file;
 mod material_library;
+pub mod motion;
 pub mod npy;
 pub mod obj;
 pub mod obj_write;
