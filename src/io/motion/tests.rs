@@ -342,12 +342,12 @@ fn markers_are_found_with_and_without_their_subject() {
 fn the_shared_clips_are_plausible() {
     let folder = PathBuf::from(std::env::var_os("BARYMAP_DATA").expect("BARYMAP_DATA")).join("mocap");
     for (name, frames, points, rate, metres) in [
-        ("cmu_01_01.bvh", 2752, 43, 120.0, None),
-        ("cmu_11_01.amc", 600, 31, 120.0, None),
-        ("mh_walk1.bvh", 14, 0, 24.0, None),
-        ("movement_trial.c3d", 323, 0, 120.0, Some(0.001)),
+        ("cmu_01_01.bvh", 2752, 38, 120.0, None),
+        ("cmu_11_01.amc", 597, 31, 120.0, None),
+        ("mh_walk1.bvh", 14, 91, 24.0, None),
+        ("movement_trial.c3d", 323, 159, 120.0, Some(0.001)),
         ("qualisys_walk.c3d", 340, 55, 200.0, Some(0.001)),
-        ("robo_static.c3d", 560, 0, 240.0, Some(0.001)),
+        ("robo_static.c3d", 560, 111, 240.0, Some(0.001)),
     ] {
         let motion = read_motion(folder.join(name)).unwrap();
         let valid = motion.frames.iter().flatten().flatten().count() as f64;
@@ -369,7 +369,7 @@ fn the_shared_clips_are_plausible() {
             let low = all().copied().reduce(DVec3::min).unwrap();
             let high = all().copied().reduce(DVec3::max).unwrap();
             println!("{name}: {low} to {high}");
-            assert!((1200.0..2600.0).contains(&(high.z - low.z)), "{name}: {}", high.z - low.z);
+            assert!((1200.0..2700.0).contains(&(high.z - low.z)), "{name}: {}", high.z - low.z);
         }
     }
 }
