@@ -53,11 +53,13 @@
 //! - [`mod@geometry`], meshes, adjacency, diagnosis, geodesics, simplification
 //! - [`mod@surface`], weighted averages on surfaces (Panozzo, Baran, Diamanti, Sorkine-Hornung 2013)
 //! - [`mod@mapping`], composite mean value mappings (Schneider, Hormann, Floater 2013)
+//! - [`mod@encoding`], mean-value geometry encoding (Kraevoy, Sheffer 2006)
 //! - [`mod@tools`], what users do: transfer, coverage, pictures
 //! - [`mod@engine`], adapters and kernels
 //! - [`mod@io`], files
 //! - [`mod@models`], built-in shapes and characters with known correspondence
 
+pub mod encoding;
 pub mod engine;
 pub mod error;
 pub mod geometry;

@@ -1,5 +1,6 @@
 //! What users do: combinations of the methods.
 pub mod cover;
+pub mod deform;
 pub mod render;
 pub mod stopwatch;
 pub mod transfer;

@@ -31,7 +31,7 @@ pub(crate) struct Common {
     /// Memory that a transfer may use, in bytes or with K, M, G
     #[arg(long, default_value = "4G", value_parser = bytes, global = true)]
     pub(crate) memory: u64,
-    /// Neither read nor write cached embeddings
+    /// Neither read nor write cached embeddings and hierarchies
     #[arg(long, global = true)]
     pub(crate) no_cache: bool,
     /// Say nothing but errors
@@ -198,6 +198,11 @@ impl<'a> Session<'a> {
             Some(path) => barymap::io::report::write_report(path, report),
             None => Ok(()),
         }
+    }
+
+    /// Where costly results are kept.
+    pub(crate) fn cache(&self) -> &Cache {
+        &self.cache
     }
 
     /// The progress receiver.

@@ -2,6 +2,7 @@
 
 mod check;
 mod common;
+mod deform;
 mod demo;
 mod devices;
 mod embed;
@@ -47,6 +48,8 @@ enum Command {
     Map(map::Arguments),
     /// Transfers a texture from one mesh to a different one
     Transfer(transfer::Arguments),
+    /// Poses a mesh by a few of its vertices and keeps its shape
+    Deform(deform::Arguments),
     /// A shaded picture of a mesh, to look at results
     Render(render::Arguments),
 }
@@ -62,6 +65,7 @@ fn run(cli: &Cli) -> Result<()> {
         Command::Check(a) => check::run(common, a),
         Command::Map(a) => map::run(common, a),
         Command::Transfer(a) => transfer::run(common, a),
+        Command::Deform(a) => deform::run(common, a),
         Command::Render(a) => render::run(common, a),
     }
 }

@@ -1,0 +1,119 @@
+//! `barymap deform`: poses a mesh by a few of its vertices.
+
+use std::path::PathBuf;
+
+use barymap::Result;
+use barymap::encoding::{HierarchyOptions, Quality};
+use barymap::io::{read_handles, read_vertex_list};
+use barymap::tools::deform::{Deformer, Handles};
+use clap::ValueEnum;
+use serde_json::json;
+
+use crate::common::{Common, Session, check_outputs, usage};
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct Arguments {
+    /// The mesh: OBJ, PLY, OFF, glTF or GLB
+    mesh: PathBuf,
+    /// Handles: JSON {"handles": [{"vertex": i, "position": [x, y, z]}, ...]}
+    #[arg(long)]
+    handles: PathBuf,
+    /// Vertices that may move, one index a line; all others are held
+    #[arg(long)]
+    roi: Option<PathBuf>,
+    /// How far the minimisation goes
+    #[arg(long, value_enum, default_value = "default")]
+    quality: QualityName,
+    /// Sweeps of Gauss-Seidel at the end, as in the paper
+    #[arg(long, default_value_t = 0)]
+    sweeps: usize,
+    /// The posed mesh: OBJ, or PLY with positions and faces
+    #[arg(long, short)]
+    output: PathBuf,
+}
+
+/// Names of the qualities.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum QualityName {
+    /// Vertex splits only
+    Splits,
+    /// Coarse stages solved, then splits
+    Preview,
+    /// Coarse stages solved, two inexact steps on finer ones
+    Default,
+    /// To the minimum
+    Converged,
+}
+
+pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
+    check_outputs([arguments.output.as_path()])?;
+    let extension = arguments.output.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+    let ply = match extension.as_deref() {
+        Some("obj") => false,
+        Some("ply") => true,
+        _ => return Err(usage("--output", "the format is not known by its name", "Write to a .obj or .ply file")),
+    };
+    if arguments.sweeps > 1000 {
+        return Err(usage("--sweeps", "more than 1000", "Use --quality converged instead"));
+    }
+    let mut session = Session::start_on_cpu(common)?;
+    let handles = read_handles(&arguments.handles)?;
+    let region = arguments.roi.as_ref().map(read_vertex_list).transpose()?;
+    let surface = session.mesh(&arguments.mesh)?;
+    let (vertices, positions): (Vec<u32>, Vec<_>) = handles.into_iter().unzip();
+    let wanted = Handles { vertices, region };
+    let mut deformer = Deformer::new(&surface.mesh, wanted, &HierarchyOptions::default(), session.cache())?;
+    for warning in &deformer.warnings {
+        session.warn(&format!("{}: {warning}", deformer.name()));
+    }
+    session.watch.lap("prepare");
+    let quality = match arguments.quality {
+        QualityName::Splits => Quality::SPLITS,
+        QualityName::Preview => Quality::PREVIEW,
+        QualityName::Default => Quality::DEFAULT,
+        QualityName::Converged => Quality::CONVERGED,
+    };
+    let result = deformer.deform(&positions, &Quality { sweeps: arguments.sweeps, ..quality }, false)?;
+    session.watch.lap("decode");
+    let m = deformer.measures(&result.positions);
+    session.watch.lap("measure");
+    let mut mesh = surface.mesh;
+    mesh.positions = result.positions;
+    if ply {
+        barymap::io::write_ply(&mesh, None, &arguments.output)?;
+    } else {
+        barymap::io::write_obj(&mesh, &arguments.output)?;
+    }
+    session.watch.lap("write");
+    session.say(&format!(
+        "{}: G {:.3e}, edges {:.1} % rms and {:.1} % at most, volume {:.3}, {} triangles flipped, {} iterations",
+        arguments.output.display(),
+        m.g,
+        100.0 * m.edge_rms,
+        100.0 * m.edge_max,
+        m.volume_ratio,
+        m.flipped,
+        result.report.iterations(),
+    ));
+    let mut report = session.report("deform");
+    let levels = result.report.levels.iter().map(|l| {
+        json!({
+            "free": l.free, "iterations": l.iterations, "gradient_steps": l.gradient_steps,
+            "before": l.before, "after": l.after, "seconds": l.seconds,
+        })
+    });
+    for (key, value) in [
+        ("g", json!(m.g)),
+        ("g_normalised", json!(m.g_normalised)),
+        ("edge_rms", json!(m.edge_rms)),
+        ("edge_max", json!(m.edge_max)),
+        ("volume_ratio", json!(m.volume_ratio)),
+        ("dihedral_rms_degrees", json!(m.dihedral_rms)),
+        ("flipped", json!(m.flipped)),
+        ("iterations", json!(result.report.iterations())),
+        ("levels", levels.collect()),
+    ] {
+        report[key] = value;
+    }
+    session.write_report(&report)
+}

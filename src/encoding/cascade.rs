@@ -1,0 +1,194 @@
+//! Decoding by the hierarchy (section 3.2): splits and, stage by stage from coarse to fine, minimisation of G.
+
+use std::time::Instant;
+
+use super::decode::split_level;
+use super::solver::{Method, StageSolver, Stop};
+use super::sweeps::gauss_seidel;
+use super::{Hierarchy, V3};
+use crate::error::{Error, Result};
+
+/// How far the minimisation goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Quality {
+    /// Stages with at most so many free vertices are solved to convergence by sparse Cholesky.
+    pub direct: usize,
+    /// Most Gauss-Newton iterations there.
+    pub direct_iterations: usize,
+    /// Relative decrease of G that ends them.
+    pub decrease: f64,
+    /// Gauss-Newton steps on each finer stage.
+    pub steps: usize,
+    /// Steps of conjugate gradients in each.
+    pub gradient_steps: usize,
+    /// Sweeps of the paper's Gauss-Seidel over the whole mesh at the end.
+    pub sweeps: usize,
+}
+
+impl Quality {
+    /// Vertex splits only: what the paper calls decoding without optimisation.
+    pub const SPLITS: Self =
+        Self { direct: 0, direct_iterations: 0, decrease: 0.0, steps: 0, gradient_steps: 0, sweeps: 0 };
+    /// The coarse stages alone are solved, for previews.
+    pub const PREVIEW: Self = Self { direct: 1800, direct_iterations: 8, decrease: 1e-3, ..Self::SPLITS };
+    /// Coarse stages converged, two inexact steps on each finer one.
+    pub const DEFAULT: Self =
+        Self { direct: 7000, direct_iterations: 12, decrease: 1e-2, steps: 2, gradient_steps: 100, sweeps: 0 };
+    /// The minimum of G, by direct solves up to 30,000 free vertices.
+    pub const CONVERGED: Self =
+        Self { direct: 30_000, direct_iterations: 60, decrease: 1e-6, steps: 20, gradient_steps: 1000, sweeps: 0 };
+}
+
+/// What happened on one stage.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LevelReport {
+    /// Free vertices.
+    pub free: usize,
+    /// Gauss-Newton iterations.
+    pub iterations: usize,
+    /// Steps of conjugate gradients, all iterations together.
+    pub gradient_steps: usize,
+    /// G after the splits.
+    pub before: f64,
+    /// G after the minimisation.
+    pub after: f64,
+    /// Seconds of this stage.
+    pub seconds: f64,
+}
+
+/// What a decode did.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct DecodeReport {
+    /// Coarse to fine; empty if the frame before was returned.
+    pub levels: Vec<LevelReport>,
+}
+
+impl DecodeReport {
+    /// Gauss-Newton iterations of all stages.
+    pub fn iterations(&self) -> usize {
+        self.levels.iter().map(|l| l.iterations).sum()
+    }
+}
+
+/// A hierarchy with everything that frames share: one decoder a mesh and held set.
+#[derive(Debug)]
+pub struct Decoder {
+    hierarchy: Hierarchy,
+    /// The rest shape in the hierarchy's numbering.
+    rest: Vec<V3<f64>>,
+    solvers: Vec<StageSolver>,
+    /// The last held positions and all that followed from them.
+    last: Option<Vec<V3<f64>>>,
+}
+
+impl Decoder {
+    /// A decoder for `hierarchy`; `rest` is the shape it was made from, one position a mesh vertex.
+    pub fn new(hierarchy: Hierarchy, rest: &[V3<f64>]) -> Self {
+        let rest = hierarchy.order.iter().map(|&v| rest[v as usize]).collect();
+        let solvers = hierarchy.stages.iter().map(|_| StageSolver::default()).collect();
+        Self { hierarchy, rest, solvers, last: None }
+    }
+
+    /// The hierarchy.
+    pub fn hierarchy(&self) -> &Hierarchy {
+        &self.hierarchy
+    }
+
+    /// The rest shape in the hierarchy's numbering.
+    pub fn rest(&self) -> &[V3<f64>] {
+        &self.rest
+    }
+
+    /// Forgets the frame before.
+    pub fn reset(&mut self) {
+        self.last = None;
+    }
+
+    /// Positions of all vertices (in the hierarchy's numbering) for given positions of the held ones (in its order).
+    ///
+    /// `start` moves a free vertex of the base mesh to where it begins, given its number and rest position; a similarity of the held
+    /// vertices makes the result exact. With `warm`, and after an earlier frame of this decoder, coarse stages begin at that frame's
+    /// positions; equal held positions give equal results, bit for bit.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a wrong number of positions or one that is not finite; [`Error::Numeric`] if no finite shape was found.
+    pub fn decode(
+        &mut self,
+        held: &[V3<f64>],
+        start: impl Fn(usize, V3<f64>) -> V3<f64>,
+        quality: &Quality,
+        warm: bool,
+    ) -> Result<(Vec<V3<f64>>, DecodeReport)> {
+        let h = &self.hierarchy;
+        if held.len() != h.held {
+            let what = format!("{} positions for {} held vertices", held.len(), h.held);
+            return Err(Error::input(what, "Give one each, in the order of the hierarchy"));
+        }
+        if let Some(k) = held.iter().position(|p| p.iter().any(|x| !x.is_finite())) {
+            let what = format!("the position of held vertex {} is not finite", h.order[k]);
+            return Err(Error::input(what, "Give numbers"));
+        }
+        let last = self.last.take().filter(|_| warm);
+        if let Some(last) = last.as_ref().filter(|l| l[..h.held] == *held) {
+            let same = last.clone();
+            self.last = Some(same.clone());
+            return Ok((same, DecodeReport::default()));
+        }
+        let mut positions = vec![[0.0; 3]; h.order.len()];
+        positions[..h.held].copy_from_slice(held);
+        for v in h.held..h.base {
+            positions[v] = start(v, self.rest[v]);
+        }
+        let mut report = DecodeReport::default();
+        for (k, stage) in h.stages.iter().enumerate() {
+            let clock = Instant::now();
+            let free = stage.vertices - h.held;
+            let method =
+                if free <= quality.direct { Method::Direct } else { Method::Gradients(quality.gradient_steps) };
+            match &last {
+                Some(last) if method == Method::Direct => {
+                    positions[h.held..stage.vertices].copy_from_slice(&last[h.held..stage.vertices]);
+                }
+                _ => {
+                    for level in stage.levels.clone() {
+                        let rows = h.level_start[level] as usize..h.level_start[level + 1] as usize;
+                        split_level(&h.splits, &h.split_encoding, rows, &mut positions);
+                    }
+                }
+            }
+            let stop = match method {
+                Method::Direct => Stop { iterations: quality.direct_iterations, decrease: quality.decrease },
+                Method::Gradients(_) => Stop { iterations: quality.steps, decrease: quality.decrease },
+            };
+            if stop.iterations > 0 {
+                let solved = self.solvers[k].minimise(
+                    &stage.stencils,
+                    &stage.encoding,
+                    h.held,
+                    method,
+                    stop,
+                    &mut positions[..stage.vertices],
+                )?;
+                report.levels.push(LevelReport {
+                    free,
+                    iterations: solved.iterations,
+                    gradient_steps: solved.gradient_steps,
+                    before: solved.before,
+                    after: solved.after,
+                    seconds: clock.elapsed().as_secs_f64(),
+                });
+            }
+            if k + 1 == h.stages.len() && quality.sweeps > 0 {
+                gauss_seidel(&stage.stencils, &stage.encoding, h.held, quality.sweeps, &mut positions);
+            }
+        }
+        if positions.iter().flatten().any(|x| !x.is_finite()) {
+            return Err(Error::numeric(
+                "no finite shape was found for these handles",
+                "Move the handles less far at once, or add handles between them",
+            ));
+        }
+        self.last = Some(positions.clone());
+        Ok((positions, report))
+    }
+}

@@ -1,0 +1,198 @@
+//! Conjugate gradients on (I - dF)ᵀ(I - dF) with the blocks of dF, for stages too large to factorise.
+
+use rayon::prelude::*;
+
+use super::decode::BLOCK;
+use super::vector::{add_scaled, dot};
+use super::{Stencils, V3};
+use crate::engine::Real;
+use crate::geometry::NONE;
+
+/// (I - dF)ᵀ y for the vertices from `held` on; the entries before are left as they are.
+pub(crate) fn apply_transpose(
+    stencils: &Stencils,
+    blocks: &[[f64; 9]],
+    y: &[V3<f64>],
+    held: usize,
+    x: &mut [V3<f64>],
+) {
+    x[held..].par_chunks_mut(BLOCK).enumerate().for_each(|(block, part)| {
+        for (v, out) in (held + block * BLOCK..).zip(part) {
+            let own = stencils.row_of[v];
+            let mut sum = if own == NONE { [0.0; 3] } else { y[own as usize] };
+            for &slot in stencils.incoming(v) {
+                sum = minus_transposed(sum, &blocks[slot as usize], y[stencils.slot_row[slot as usize] as usize]);
+            }
+            *out = sum;
+        }
+    });
+}
+
+/// a - B x for a block by rows.
+#[inline(always)]
+fn minus<R: Real>(a: V3<R>, b: &[R; 9], x: V3<R>) -> V3<R> {
+    [
+        a[0] - (b[0] * x[0] + b[1] * x[1] + b[2] * x[2]),
+        a[1] - (b[3] * x[0] + b[4] * x[1] + b[5] * x[2]),
+        a[2] - (b[6] * x[0] + b[7] * x[1] + b[8] * x[2]),
+    ]
+}
+
+/// a - Bᵀ x.
+#[inline(always)]
+fn minus_transposed<R: Real>(a: V3<R>, b: &[R; 9], x: V3<R>) -> V3<R> {
+    [
+        a[0] - (b[0] * x[0] + b[3] * x[1] + b[6] * x[2]),
+        a[1] - (b[1] * x[0] + b[4] * x[1] + b[7] * x[2]),
+        a[2] - (b[2] * x[0] + b[5] * x[1] + b[8] * x[2]),
+    ]
+}
+
+/// Sum of products, in blocks: the same for any number of threads. CPU reference of the kernel `dot`.
+pub fn dot_product<R: Real>(a: &[V3<R>], b: &[V3<R>]) -> f64 {
+    let blocks: Vec<f64> = a
+        .par_chunks(BLOCK)
+        .zip(b.par_chunks(BLOCK))
+        .map(|(a, b)| a.iter().zip(b).map(|(&a, &b)| dot(a, b).to_f64()).sum())
+        .collect();
+    blocks.iter().sum()
+}
+
+/// The matrix I - dF twice, by rows and by columns, so that both products stream through it; and vectors kept between solves.
+#[derive(Debug, Default)]
+pub(crate) struct Gradients<R> {
+    by_row: Vec<[R; 9]>,
+    by_column: Vec<[R; 9]>,
+    column_row: Vec<u32>,
+    inverse_diagonal: Vec<V3<R>>,
+    x: Vec<V3<R>>,
+    residual: Vec<V3<R>>,
+    direction: Vec<V3<R>>,
+    rows: Vec<V3<R>>,
+    product: Vec<V3<R>>,
+}
+
+impl<R: Real> Gradients<R> {
+    /// Solves (I - dF)ᵀ(I - dF) x = `right` approximately for the vertices from `held` on: conjugate gradients with Jacobi's
+    /// preconditioner from zero, at most `steps` steps or until the residual (in the preconditioner's norm) is `tolerance` times its first
+    /// value. Returns the number of steps.
+    ///
+    /// Scalars are summed in double precision, in blocks: the same for any number of threads.
+    #[expect(clippy::too_many_arguments, reason = "the parts of one equation")]
+    pub(crate) fn solve(
+        &mut self,
+        stencils: &Stencils,
+        blocks: &[[f64; 9]],
+        held: usize,
+        right: &[V3<f64>],
+        steps: usize,
+        tolerance: f64,
+        x: &mut [V3<f64>],
+    ) -> usize {
+        self.load(stencils, blocks, held, right);
+        let inverse = &self.inverse_diagonal;
+        let precondition = |r: V3<R>, d: V3<R>| [r[0] * d[0], r[1] * d[1], r[2] * d[2]];
+        self.direction.clear();
+        self.direction.extend(self.residual.iter().zip(inverse).map(|(&r, &d)| precondition(r, d)));
+        let mut rho = dot_product(&self.residual, &self.direction);
+        let stop = rho * tolerance * tolerance;
+        let mut done = 0;
+        while done < steps && rho > stop && rho > 0.0 {
+            self.apply(stencils);
+            let curvature = dot_product(&self.rows, &self.rows);
+            if !(curvature > 0.0) || !curvature.is_finite() {
+                break;
+            }
+            self.apply_transpose(stencils, held);
+            let alpha = R::of(rho / curvature);
+            let next: Vec<f64> = self
+                .residual
+                .par_chunks_mut(BLOCK)
+                .zip(self.x.par_chunks_mut(BLOCK))
+                .zip(self.product.par_chunks(BLOCK).zip(self.direction.par_chunks(BLOCK)))
+                .zip(self.inverse_diagonal.par_chunks(BLOCK))
+                .map(|(((r, x), (p, d)), inverse)| {
+                    let mut sum = 0.0;
+                    for k in 0..r.len() {
+                        x[k] = add_scaled(x[k], d[k], alpha);
+                        r[k] = add_scaled(r[k], p[k], R::ZERO - alpha);
+                        sum += dot(r[k], precondition(r[k], inverse[k])).to_f64();
+                    }
+                    sum
+                })
+                .collect();
+            let next: f64 = next.iter().sum();
+            let beta = R::of(next / rho);
+            rho = next;
+            self.direction
+                .par_chunks_mut(BLOCK)
+                .zip(self.residual.par_chunks(BLOCK))
+                .zip(self.inverse_diagonal.par_chunks(BLOCK))
+                .for_each(|((d, r), inverse)| {
+                    for k in 0..d.len() {
+                        d[k] = add_scaled(precondition(r[k], inverse[k]), d[k], beta);
+                    }
+                });
+            done += 1;
+        }
+        x.iter_mut().zip(&self.x).for_each(|(x, y)| *x = y.map(|y| y.to_f64()));
+        done
+    }
+
+    fn load(&mut self, stencils: &Stencils, blocks: &[[f64; 9]], held: usize, right: &[V3<f64>]) {
+        let convert = |b: &[f64; 9]| b.map(R::of);
+        let n = stencils.vertex_count();
+        self.by_row.clear();
+        self.by_row.extend(blocks.iter().map(convert));
+        self.by_column.clear();
+        self.by_column.extend(stencils.incoming.iter().map(|&slot| convert(&blocks[slot as usize])));
+        self.column_row.clear();
+        self.column_row.extend(stencils.incoming.iter().map(|&slot| stencils.slot_row[slot as usize]));
+        self.inverse_diagonal.clear();
+        self.inverse_diagonal.resize(n, [R::ZERO; 3]);
+        for v in held..n {
+            let mut sum = [if stencils.row_of[v] == NONE { 0.0 } else { 1.0 }; 3];
+            for &slot in stencils.incoming(v) {
+                let b = &blocks[slot as usize];
+                for c in 0..3 {
+                    sum[c] += b[c] * b[c] + b[3 + c] * b[3 + c] + b[6 + c] * b[6 + c];
+                }
+            }
+            self.inverse_diagonal[v] = sum.map(|d| R::of(if d > 0.0 { 1.0 / d } else { 1.0 }));
+        }
+        self.residual.clear();
+        self.residual.extend(right.iter().map(|r| r.map(R::of)));
+        self.residual[..held].iter_mut().for_each(|r| *r = [R::ZERO; 3]);
+        for (list, length) in [(&mut self.x, n), (&mut self.product, n), (&mut self.rows, stencils.row_count())] {
+            list.clear();
+            list.resize(length, [R::ZERO; 3]);
+        }
+    }
+
+    fn apply(&mut self, stencils: &Stencils) {
+        let (blocks, x) = (&self.by_row, &self.direction);
+        self.rows.par_chunks_mut(BLOCK).enumerate().for_each(|(block, part)| {
+            for (row, out) in (block * BLOCK..).zip(part) {
+                let mut sum = x[stencils.vertex[row] as usize];
+                for slot in stencils.slots(row) {
+                    sum = minus(sum, &blocks[slot], x[stencils.neighbour[slot] as usize]);
+                }
+                *out = sum;
+            }
+        });
+    }
+
+    fn apply_transpose(&mut self, stencils: &Stencils, held: usize) {
+        let (blocks, from, y) = (&self.by_column, &self.column_row, &self.rows);
+        self.product[held..].par_chunks_mut(BLOCK).enumerate().for_each(|(block, part)| {
+            for (v, out) in (held + block * BLOCK..).zip(part) {
+                let own = stencils.row_of[v];
+                let mut sum = if own == NONE { [R::ZERO; 3] } else { y[own as usize] };
+                for k in stencils.incoming_start[v] as usize..stencils.incoming_start[v + 1] as usize {
+                    sum = minus_transposed(sum, &blocks[k], y[from[k] as usize]);
+                }
+                *out = sum;
+            }
+        });
+    }
+}

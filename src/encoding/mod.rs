@@ -1,0 +1,46 @@
+//! Mean-value geometry encoding (Kraevoy, Sheffer 2006): every vertex told by its ring, independent of position, rotation and size.
+//!
+//! Data in: positions, rings, and the vertices that are held. Data out: positions of all vertices for any positions of the held ones. One
+//! direction:
+//!
+//! rings ([`Connectivity`]) → [`Hierarchy`] (half-edge collapses, stored rings, cascade levels; made once per mesh and held set) →
+//! [`Decoder`] (owns the hierarchy, the coefficients and the factorisations; one [`Decoder::decode`] a frame) → positions and a report.
+//!
+//! - `weights`, `encode`: section 2.1, mean value weights w and offsets b of one ring, and of all rings of [`Stencils`]
+//! - [`decode`]: section 2.2, equation 13: F of one ring, of a level of vertex splits, and V - F of all rings
+//! - [`derivative`]: the analytic derivative of F; products with I - dF and its transpose as gathers
+//! - `collapse`, `cost`, [`hierarchy`]: section 3.1
+//! - `solver`, `direct`, `gradients`, `sweeps`: section 3.2.2, Gauss-Newton with line search
+//! - [`cascade`]: section 3.2, coarse to fine
+//! - [`measures`]: how far a shape is from another one, in neutral terms
+//!
+//! All arrays are flat and indexed by rows (encoded vertices) and slots (a neighbour of a row), as the kernels read them. Formulas hold
+//! ring-local coordinates throughout and are generic over [`crate::engine::Real`]; double precision is the truth.
+
+pub mod cascade;
+mod collapse;
+mod connectivity;
+mod cost;
+pub mod decode;
+pub mod derivative;
+mod direct;
+mod encode;
+mod gradients;
+pub mod hierarchy;
+pub mod measures;
+pub mod similarity;
+mod solver;
+mod stencil;
+mod store;
+mod sweeps;
+mod vector;
+mod weights;
+
+pub use cascade::{DecodeReport, Decoder, LevelReport, Quality};
+pub use connectivity::Connectivity;
+pub use encode::Encoding;
+pub use hierarchy::{Hierarchy, HierarchyOptions};
+pub use similarity::Similarity;
+pub use stencil::Stencils;
+pub use store::cache_key;
+pub use vector::V3;

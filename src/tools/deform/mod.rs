@@ -1,0 +1,189 @@
+//! Deformation: a mesh posed by a few of its vertices (mean-value encoding, section 4.1).
+//!
+//! Handles are points; their rotations follow from the encoding. Everything is computed about the rest shape's centre at diagonal one.
+
+mod followers;
+mod request;
+
+use glam::DVec3;
+
+use crate::encoding::measures::{Measures, measure};
+use crate::encoding::{
+    Connectivity, DecodeReport, Decoder, Hierarchy, HierarchyOptions, Quality, Similarity, V3, cache_key,
+};
+use crate::error::{Error, Result};
+use crate::geometry::{Mesh, NONE};
+use crate::io::cache::Cache;
+
+use followers::Followers;
+pub use request::Handles;
+
+/// A posed mesh.
+#[derive(Clone, Debug)]
+pub struct Deformation {
+    /// A position for every vertex of the mesh.
+    pub positions: Vec<DVec3>,
+    /// What the decoder did.
+    pub report: DecodeReport,
+}
+
+/// Poses one mesh by one set of handles, frame after frame. Moving the handles never rebuilds anything.
+#[derive(Debug)]
+pub struct Deformer {
+    name: String,
+    connectivity: Connectivity,
+    triangles: Vec<[u32; 3]>,
+    /// As in the file.
+    original: Vec<DVec3>,
+    /// Centred, with diagonal one.
+    rest: Vec<V3<f64>>,
+    centre: DVec3,
+    diagonal: f64,
+    handles: Handles,
+    decoder: Decoder,
+    followers: Followers,
+    /// What is odd but no error, a sentence each.
+    pub warnings: Vec<String>,
+}
+
+impl Deformer {
+    /// Prepares `mesh` for `handles`: the hierarchy is made, or taken from the cache.
+    ///
+    /// # Errors
+    /// [`Error::Mesh`] if nothing of the mesh can be used; [`Error::Input`] for a handle that is part of no triangle.
+    pub fn new(mesh: &Mesh, handles: Handles, options: &HierarchyOptions, cache: &Cache) -> Result<Self> {
+        let connectivity = Connectivity::new(mesh);
+        let used = |v: usize| !connectivity.rings[v].is_empty();
+        let (low, high) = (0..mesh.vertex_count())
+            .filter(|&v| used(v))
+            .map(|v| mesh.positions[v])
+            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
+        let diagonal = low.distance(high);
+        if !(diagonal > 0.0) || !diagonal.is_finite() {
+            return Err(Error::mesh(&mesh.name, "there is no triangle to deform", "Use a mesh with faces"));
+        }
+        let centre = (low + high) * 0.5;
+        let local = |p: DVec3| ((p - centre) / diagonal).to_array();
+        let rest: Vec<V3<f64>> =
+            mesh.positions.iter().enumerate().map(|(v, &p)| if used(v) { local(p) } else { [0.0; 3] }).collect();
+        let mut held = handles.held(mesh.vertex_count(), &connectivity)?;
+        held.sort_unstable();
+        let key = cache_key(&connectivity, &rest, &held, options);
+        let kept = cache.get(&key).and_then(|bytes| Hierarchy::from_bytes(&bytes).ok());
+        let mut warnings = Vec::new();
+        let hierarchy = match kept.filter(|h| h.order.iter().all(|&v| (v as usize) < rest.len())) {
+            Some(hierarchy) => hierarchy,
+            None => {
+                let made = Hierarchy::new(&connectivity, &rest, &held, options)?;
+                if let Err(error) = cache.put(&key, &made.to_bytes()) {
+                    warnings.push(format!("the hierarchy is not cached: {error}"));
+                }
+                made
+            }
+        };
+        let followers = Followers::new(&connectivity, &rest, &hierarchy);
+        warnings.extend(notes(&connectivity, &hierarchy, &followers));
+        Ok(Self {
+            name: mesh.name.clone(),
+            triangles: mesh.triangles(),
+            original: mesh.positions.clone(),
+            rest: rest.clone(),
+            centre,
+            diagonal,
+            handles,
+            decoder: Decoder::new(hierarchy, &rest),
+            followers,
+            warnings,
+            connectivity,
+        })
+    }
+
+    /// The decoder, with its hierarchy.
+    pub fn decoder(&self) -> &Decoder {
+        &self.decoder
+    }
+
+    /// Where every vertex goes when handle `k` of the [`Handles`] is put at `positions[k]`.
+    ///
+    /// The start is the similarity that fits the handles best, so that moving, turning and scaling all of them moves, turns and scales the
+    /// mesh exactly. With `warm` the frame before is where coarse stages begin; equal positions give equal results, bit for bit.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for handles that contradict one another or all come to one place; [`Error::Numeric`] if no finite shape was found.
+    pub fn deform(&mut self, positions: &[DVec3], quality: &Quality, warm: bool) -> Result<Deformation> {
+        let targets = self.handles.targets(positions)?;
+        let hierarchy = self.decoder.hierarchy();
+        let held: Vec<V3<f64>> = hierarchy.order[..hierarchy.held]
+            .iter()
+            .map(|v| targets.get(v).map_or(self.rest[*v as usize], |p| ((*p - self.centre) / self.diagonal).to_array()))
+            .collect();
+        let starts = self.starts(&held);
+        let component: Vec<u32> = hierarchy.order.iter().map(|&v| self.connectivity.component[v as usize]).collect();
+        let start = |v: usize, p: V3<f64>| starts[component[v] as usize].apply(DVec3::from(p)).to_array();
+        let (decoded, report) = self.decoder.decode(&held, start, quality, warm)?;
+        let hierarchy = self.decoder.hierarchy();
+        let mut result = self.original.clone();
+        let back = |p: V3<f64>| DVec3::from(p) * self.diagonal + self.centre;
+        for (&v, &p) in hierarchy.order.iter().zip(&decoded) {
+            result[v as usize] = back(p);
+        }
+        for &v in &hierarchy.order[..hierarchy.held] {
+            // Given positions come back as they were given.
+            result[v as usize] = targets.get(&v).copied().unwrap_or(self.original[v as usize]);
+        }
+        self.followers.place(&self.rest, hierarchy, &decoded, |v, p| result[v as usize] = back(p));
+        Ok(Deformation { positions: result, report })
+    }
+
+    /// Compares a shape with the rest shape; see [`Measures`].
+    pub fn measures(&self, positions: &[DVec3]) -> Measures {
+        let local: Vec<V3<f64>> = positions.iter().map(|&p| ((p - self.centre) / self.diagonal).to_array()).collect();
+        let mut result = measure(&self.connectivity, &self.triangles, &self.rest, &local);
+        result.g *= self.diagonal * self.diagonal;
+        result
+    }
+
+    /// Name of the mesh.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The similarity with which each component begins: that of all held vertices, then that of its own.
+    fn starts(&self, held: &[V3<f64>]) -> Vec<Similarity> {
+        let hierarchy = self.decoder.hierarchy();
+        let pairs: Vec<(DVec3, DVec3)> =
+            self.decoder.rest()[..hierarchy.held].iter().zip(held).map(|(&a, &b)| (a.into(), b.into())).collect();
+        let all = Similarity::fit(&pairs);
+        let mut own = vec![Vec::new(); self.connectivity.component_count as usize];
+        for (&v, &(a, b)) in hierarchy.order.iter().zip(&pairs) {
+            own[self.connectivity.component[v as usize] as usize].push((all.apply(a), b));
+        }
+        own.iter().map(|pairs| all.then(&Similarity::fit(pairs))).collect()
+    }
+}
+
+/// What deserves to be told about a mesh and its hierarchy.
+fn notes(connectivity: &Connectivity, hierarchy: &Hierarchy, followers: &Followers) -> Vec<String> {
+    let mut notes = Vec::new();
+    let irregular: Vec<usize> =
+        connectivity.irregular.iter().enumerate().filter(|(_, i)| **i).map(|(v, _)| v).collect();
+    if let Some(first) = irregular.first() {
+        let what = "where several parts of the surface touch (non-manifold)";
+        notes.push(format!("{} vertices (first: {first}) {what}: shaped by the largest part", irregular.len()));
+    }
+    if let Some(first) = hierarchy.left_out.first() {
+        let what = "could not be encoded (all their neighbours on a line, or at one place)";
+        notes.push(format!("{} vertices (first: {first}) {what}: their shape is not kept", hierarchy.left_out.len()));
+    }
+    if followers.components > 0 {
+        let what = if followers.components == 1 { "component has" } else { "components have" };
+        notes.push(format!("{} {what} no handle and moves with what is nearest", followers.components));
+    }
+    let loose = (0..connectivity.rings.len())
+        .filter(|&v| connectivity.rings[v].is_empty() && connectivity.component[v] == NONE)
+        .count();
+    if loose > 0 {
+        notes.push(format!("{loose} vertices of no face stay where they are"));
+    }
+    notes
+}
