@@ -7,11 +7,14 @@
 pub mod anchors;
 mod assemble;
 pub mod cache;
+pub mod gltf_animation;
+mod gltf_components;
 mod gltf_document;
 pub mod gltf_read;
 pub mod gltf_write;
 pub mod handles;
 pub mod image_file;
+pub mod markers;
 mod material_library;
 pub mod motion;
 pub mod npy;
@@ -34,9 +37,12 @@ use crate::{Error, Result};
 
 pub use anchors::{AnchorList, AnchorPairs, AnchorSpec, ResolvedAnchor};
 pub use cache::{Cache, CacheKey};
+pub use gltf_animation::{GlbAnimation, GlbAnimationReport, MorphForm, write_animated_glb};
 pub use gltf_write::{GlbMaterial, write_glb};
 pub use handles::{read_handles, read_vertex_list};
 pub use image_file::{read_image, write_image};
+pub use markers::{MarkerPlace, read_markers};
+pub use motion::{Motion, read_motion};
 pub use obj_write::write_obj;
 pub use output::{check_writable, write_atomically};
 pub use ply_write::write_ply;

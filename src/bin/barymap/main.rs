@@ -1,5 +1,6 @@
 //! The command line of barymap.
 
+mod animate;
 mod check;
 mod common;
 mod deform;
@@ -50,6 +51,8 @@ enum Command {
     Transfer(transfer::Arguments),
     /// Poses a mesh by a few of its vertices and keeps its shape
     Deform(deform::Arguments),
+    /// Sets a mesh in motion by markers or joints
+    Animate(animate::Arguments),
     /// A shaded picture of a mesh, to look at results
     Render(render::Arguments),
 }
@@ -66,6 +69,7 @@ fn run(cli: &Cli) -> Result<()> {
         Command::Map(a) => map::run(common, a),
         Command::Transfer(a) => transfer::run(common, a),
         Command::Deform(a) => deform::run(common, a),
+        Command::Animate(a) => animate::run(common, a),
         Command::Render(a) => render::run(common, a),
     }
 }
