@@ -196,14 +196,18 @@ fn every_frame(mesh: &Mesh, frames: &[Vec<Vec3>]) -> Components {
 
 /// An accessor of displacements: sparse where that is smaller.
 fn displacements(values: &[Vec3], bounds: bool, out: &mut Parts) -> usize {
-    let moved: Vec<u32> = (0..values.len() as u32).filter(|&v| values[v as usize] != Vec3::ZERO).collect();
+    let mut moved: Vec<u32> = (0..values.len() as u32).filter(|&v| values[v as usize] != Vec3::ZERO).collect();
+    if moved.is_empty() {
+        // One zero at vertex 0: not all readers take an accessor that refers to nothing.
+        moved.push(0);
+    }
     let mut accessor = json!({"componentType": FLOAT, "count": values.len(), "type": "VEC3"});
     let bytes = |picked: &mut dyn Iterator<Item = Vec3>| -> Vec<u8> {
         picked.flat_map(|p| p.to_array()).flat_map(f32::to_le_bytes).collect()
     };
     if 4 * moved.len() >= 3 * values.len() {
         accessor["bufferView"] = out.view(&bytes(&mut values.iter().copied()), Some(ARRAY)).into();
-    } else if !moved.is_empty() {
+    } else {
         let indices: Vec<u8> = moved.iter().flat_map(|v| v.to_le_bytes()).collect();
         let indices = out.view(&indices, None);
         let picked = out.view(&bytes(&mut moved.iter().map(|&v| values[v as usize])), None);

@@ -138,7 +138,7 @@ pub fn contact_sheet(
     for (k, (shape, (middle, _))) in shapes.iter().zip(&boxes).enumerate() {
         let mut framed = moved(mesh, shape)?;
         framed.positions.iter_mut().for_each(|p| *p -= *middle);
-        // Two triangles without area at opposite corners of the largest box give all pictures one scale.
+        // Triangles without area at the corners of the largest box give all pictures one scale.
         let framed = with_corners(&framed, largest * 0.5);
         let picture = render(&framed, coloring, &[], options)?;
         let (x, y) = ((k % columns) as i64, (k / columns) as i64);
@@ -147,13 +147,14 @@ pub fn contact_sheet(
     Ok(sheet)
 }
 
-/// `mesh` and two invisible triangles that extend its bounding box to `-corner .. corner`.
+/// `mesh` and eight invisible triangles that extend its bounding box to `-corner .. corner`.
 fn with_corners(mesh: &Mesh, corner: DVec3) -> Mesh {
     use crate::geometry::{Corner, MeshBuilder, NONE};
     let mut builder = MeshBuilder::new(mesh.name.clone());
     let count = mesh.vertex_count() as u32;
     builder.mesh.positions.clone_from(&mesh.positions);
-    builder.mesh.positions.extend([-corner, corner]);
+    let sign = |k: u32, bit: u32| if k >> bit & 1 == 0 { -1.0 } else { 1.0 };
+    builder.mesh.positions.extend((0..8).map(|k| corner * DVec3::new(sign(k, 0), sign(k, 1), sign(k, 2))));
     builder.mesh.texcoords.clone_from(&mesh.texcoords);
     builder.mesh.normals.clone_from(&mesh.normals);
     builder.mesh.materials.clone_from(&mesh.materials);
@@ -163,7 +164,7 @@ fn with_corners(mesh: &Mesh, corner: DVec3) -> Mesh {
         builder.polygon(mesh.polygon(p).iter().copied());
     }
     (builder.material, builder.group) = (NONE, NONE);
-    for vertex in [count, count + 1] {
+    for vertex in count..count + 8 {
         builder.polygon([Corner { vertex, texcoord: NONE, normal: NONE }; 3]);
     }
     builder.build()
@@ -188,7 +189,7 @@ mod tests {
             let mut folder = FrameFolder::create(&place, 3, format).unwrap();
             for f in 0..3 {
                 folder.write(&mesh, &mesh.positions.iter().map(|p| *p * f64::from(f + 1)).collect::<Vec<_>>()).unwrap();
-                assert!(!place.exists());
+                assert!(!place.join("frame_0000.obj").exists() && !place.join("frame_0000.ply").exists());
             }
             assert!(folder.write(&mesh, &[]).is_err());
             assert_eq!(folder.finish().unwrap(), 3);

@@ -235,22 +235,13 @@ fn around_bones(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::models::shapes::uv_sphere;
-
-    /// A body that no turn takes to itself: a sphere drawn out differently to all sides.
-    fn lopsided() -> Mesh {
-        let mut mesh = uv_sphere(1.0, 40, 28);
-        for p in &mut mesh.positions {
-            *p = DVec3::new(p.x * 1.5 + 0.3 * p.y * p.y, p.y * (1.0 + 0.4 * p.y) + 0.2 * p.x, p.z * (0.7 + 0.2 * p.z));
-        }
-        mesh
-    }
+    use crate::models::strider;
 
     #[test]
     fn markers_find_their_vertices_in_other_units_and_axes() {
-        let mesh = lopsided();
+        let mesh = strider().mesh;
         let to_clip = Similarity { rotation: DMat3::from_rotation_x(1.7) * DMat3::from_rotation_z(0.15), scale: 900.0, shift: DVec3::new(9.0, 5.0, 3000.0) };
-        let chosen: Vec<usize> = (0..40).map(|k| 17 + 27 * k).collect();
+        let chosen: Vec<usize> = (0..40).map(|k| mesh.vertex_count() * k / 40).collect();
         let frame: Vec<Option<DVec3>> = chosen.iter().map(|&v| Some(to_clip.apply(mesh.positions[v]))).collect();
         let mut motion = Motion {
             path: "clip".into(),
@@ -265,7 +256,7 @@ mod tests {
         let right = binding.bonds.iter().filter(|b| chosen[b.point] == b.vertex as usize).count();
         assert!(right >= 36, "{right} of 40, rms {}", binding.rms());
         // One marker far away and one without a name are left out.
-        motion.frames[0][3] = Some(to_clip.apply(DVec3::splat(1.6)));
+        motion.frames[0][3] = Some(to_clip.apply(mesh.bounds().unwrap().1 * 1.5));
         motion.names[4] = "*4".into();
         let binding = guess(&motion, &mesh, Reference::Frame(0)).unwrap();
         assert!(binding.bonds.iter().all(|b| b.point != 3 && b.point != 4));
