@@ -134,7 +134,7 @@ mod tests {
         let c = rings(8, &[[0, 1, 2], [0, 4, 5], [0, 3, 4], [0, 5, 6]]);
         assert!(c.irregular[0] && c.open[0]);
         assert_eq!(c.rings[0], [3, 4, 5, 6]);
-        assert_eq!(c.rings[7], []);
+        assert!(c.rings[7].is_empty());
         // A closed fan beside an open one.
         let c = rings(7, &[[0, 1, 2], [0, 2, 3], [0, 3, 1], [0, 4, 5]]);
         assert!(c.irregular[0] && !c.open[0]);

@@ -44,7 +44,7 @@ fn minus_transposed<R: Real>(a: V3<R>, b: &[R; 9], x: V3<R>) -> V3<R> {
 }
 
 /// Sum of products, in blocks: the same for any number of threads. CPU reference of the kernel `dot`.
-pub fn dot_product<R: Real>(a: &[V3<R>], b: &[V3<R>]) -> f64 {
+pub(super) fn dot_product<R: Real>(a: &[V3<R>], b: &[V3<R>]) -> f64 {
     let blocks: Vec<f64> = a
         .par_chunks(BLOCK)
         .zip(b.par_chunks(BLOCK))

@@ -33,13 +33,46 @@ pub fn write_glb(path: impl AsRef<Path>, mesh: &Mesh, materials: &[GlbMaterial])
     output::write_bytes(path, &glb_bytes(mesh, materials)?)
 }
 
+/// The materials that `mesh` itself names, with their textures read: PNG and JPEG files as they are, others as PNG.
+///
+/// # Errors
+/// As [`super::read_image`].
+pub fn own_materials(mesh: &Mesh) -> Result<Vec<GlbMaterial>> {
+    let bytes = |material: &crate::geometry::Material| -> Result<Option<Vec<u8>>> {
+        let fits = |b: &[u8]| b.starts_with(&[0xff, 0xd8]) || b.starts_with(b"\x89PNG");
+        let (content, name) = match (&material.embedded_texture, &material.base_color_texture) {
+            (Some(bytes), _) => (bytes.to_vec(), mesh.name.clone()),
+            (None, Some(path)) => (super::source::read_all(path)?, path.display().to_string()),
+            (None, None) => return Ok(None),
+        };
+        if fits(&content) {
+            return Ok(Some(content));
+        }
+        super::image_file::encode_png(&super::image_file::decode_image(&content, &name)?).map(Some)
+    };
+    let look = |m: &crate::geometry::Material| {
+        Ok(GlbMaterial { name: m.name.clone(), base_color: m.base_color, texture: bytes(m)? })
+    };
+    mesh.materials.iter().map(look).collect()
+}
+
 /// The bytes [`write_glb`] writes.
 ///
 /// # Errors
 /// As [`write_glb`].
 pub fn glb_bytes(mesh: &Mesh, materials: &[GlbMaterial]) -> Result<Vec<u8>> {
+    glb_with(mesh, materials, |_, _| Ok(Vec::new()), |_, _| {})
+}
+
+/// [`glb_bytes`] with the morph targets that `targets` adds to each primitive, and what `finish` adds to the document.
+pub(super) fn glb_with(
+    mesh: &Mesh,
+    materials: &[GlbMaterial],
+    targets: impl Fn(&Split, &mut Parts) -> Result<Vec<Value>>,
+    finish: impl FnOnce(&mut Value, &mut Parts),
+) -> Result<Vec<u8>> {
     let mut out = Parts::default();
-    let normals = vertex_normals(mesh);
+    let normals = vertex_normals(mesh, &mesh.positions);
     let mut primitives = Vec::new();
     for k in 0..materials.len().max(1) {
         let wanted = |t: usize| {
@@ -52,6 +85,10 @@ pub fn glb_bytes(mesh: &Mesh, materials: &[GlbMaterial]) -> Result<Vec<u8>> {
             continue;
         }
         let mut primitive = split.write(mesh, &normals, &mut out)?;
+        let morphs = targets(&split, &mut out)?;
+        if !morphs.is_empty() {
+            primitive["targets"] = morphs.into();
+        }
         if !materials.is_empty() {
             primitive["material"] = k.into();
         }
@@ -78,9 +115,6 @@ pub fn glb_bytes(mesh: &Mesh, materials: &[GlbMaterial]) -> Result<Vec<u8>> {
         "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0}],
         "meshes": [{"primitives": primitives}],
-        "accessors": out.accessors,
-        "bufferViews": out.views,
-        "buffers": [{"byteLength": out.bytes.len()}],
     });
     // The format forbids empty lists.
     if !looks.is_empty() {
@@ -92,6 +126,10 @@ pub fn glb_bytes(mesh: &Mesh, materials: &[GlbMaterial]) -> Result<Vec<u8>> {
         // Repeating, with mip-maps: texture coordinates outside the unit square repeat as everywhere in this crate.
         root["samplers"] = json!([{"magFilter": 9729, "minFilter": 9987, "wrapS": 10497, "wrapT": 10497}]);
     }
+    finish(&mut root, &mut out);
+    root["accessors"] = std::mem::take(&mut out.accessors).into();
+    root["bufferViews"] = std::mem::take(&mut out.views).into();
+    root["buffers"] = json!([{"byteLength": out.bytes.len()}]);
     container(&mesh.name, root.to_string().into_bytes(), &out.bytes)
 }
 
@@ -117,14 +155,14 @@ fn container(name: &str, mut json: Vec<u8>, binary: &[u8]) -> Result<Vec<u8>> {
 
 /// The binary chunk as it grows, and what describes it.
 #[derive(Default)]
-struct Parts {
-    bytes: Vec<u8>,
+pub(super) struct Parts {
+    pub(super) bytes: Vec<u8>,
     views: Vec<Value>,
-    accessors: Vec<Value>,
+    pub(super) accessors: Vec<Value>,
 }
 
 impl Parts {
-    fn view(&mut self, bytes: &[u8], target: Option<u32>) -> usize {
+    pub(super) fn view(&mut self, bytes: &[u8], target: Option<u32>) -> usize {
         let mut view = json!({"buffer": 0, "byteOffset": self.bytes.len(), "byteLength": bytes.len()});
         if let Some(target) = target {
             view["target"] = target.into();
@@ -142,14 +180,15 @@ impl Parts {
     }
 }
 
-const ARRAY: u32 = 34962;
+pub(super) const ARRAY: u32 = 34962;
 const ELEMENTS: u32 = 34963;
-const FLOAT: u32 = 5126;
-const UNSIGNED_INT: u32 = 5125;
+pub(super) const FLOAT: u32 = 5126;
+pub(super) const UNSIGNED_INT: u32 = 5125;
 
 /// The vertices of one material, one for each pair of a vertex and a texture coordinate.
-struct Split {
-    pairs: Vec<(u32, u32)>,
+pub(super) struct Split {
+    /// A vertex of the mesh and a texture coordinate for each vertex written.
+    pub(super) pairs: Vec<(u32, u32)>,
     indices: Vec<u32>,
     textured: bool,
 }
@@ -218,11 +257,12 @@ impl Split {
     }
 }
 
-/// Area-weighted unit normals of the vertices; up where there is none.
-fn vertex_normals(mesh: &Mesh) -> Vec<DVec3> {
+/// Area-weighted unit normals of the vertices at `positions`; up where there is none.
+pub(super) fn vertex_normals(mesh: &Mesh, positions: &[DVec3]) -> Vec<DVec3> {
     let mut normals = vec![DVec3::ZERO; mesh.vertex_count()];
     for t in 0..mesh.triangle_count() {
-        let n = mesh.triangle_area_normal(t);
+        let [a, b, c] = mesh.triangle(t).map(|v| positions[v as usize]);
+        let n = (b - a).cross(c - a);
         if n.is_finite() {
             for v in mesh.triangle(t) {
                 normals[v as usize] += n;

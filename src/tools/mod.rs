@@ -1,4 +1,5 @@
 //! What users do: combinations of the methods.
+pub mod animate;
 pub mod cover;
 pub mod deform;
 pub mod morph;

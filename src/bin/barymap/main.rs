@@ -1,5 +1,6 @@
 //! The command line of barymap.
 
+mod animate;
 mod cage_map;
 mod check;
 mod common;
@@ -60,6 +61,8 @@ enum Command {
     Deform(deform::Arguments),
     /// In-betweens and blends of meshes of the same connectivity
     Morph(morph::Arguments),
+    /// Sets a mesh in motion by markers or joints
+    Animate(animate::Arguments),
     /// A shaded picture of a mesh, to look at results
     Render(render::Arguments),
 }
@@ -79,6 +82,7 @@ fn run(cli: &Cli) -> Result<()> {
         Command::WarpPoints(a) => warp_points::run(common, a),
         Command::Deform(a) => deform::run(common, a),
         Command::Morph(a) => morph::run(common, a),
+        Command::Animate(a) => animate::run(common, a),
         Command::Render(a) => render::run(common, a),
     }
 }

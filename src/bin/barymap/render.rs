@@ -38,7 +38,7 @@ pub(crate) struct Arguments {
     output: PathBuf,
 }
 
-fn view(text: &str) -> std::result::Result<(f64, f64), String> {
+pub(crate) fn view(text: &str) -> std::result::Result<(f64, f64), String> {
     let wrong = || format!("{text:?} is no view: write azimuth,elevation in degrees, for example 20,8");
     let (a, e) = text.split_once(',').ok_or_else(wrong)?;
     Ok((a.trim().parse().map_err(|_| wrong())?, e.trim().parse().map_err(|_| wrong())?))

@@ -32,8 +32,8 @@ fn similarities_are_exact_on_generated_meshes() {
         uv_sphere(1.0, 60, 20),
         torus(2.0, 0.7, 40, 20, Diagonal::Forward),
         plane_grid(20, 13, 3.0, 2.0, Diagonal::Forward),
-        irregular_plane(20, 20, 1.0, 1.0, Diagonal::Alternate, 0.3, 7),
-        tube(1.0, 3.0, 24, 16, Diagonal::Alternate),
+        irregular_plane(20, 20, 1.0, 1.0, Diagonal::Alternating, 0.3, 7),
+        tube(1.0, 3.0, 24, 16, Diagonal::Alternating),
         Tube::small().mesh,
     ];
     for mesh in meshes {

@@ -1,0 +1,252 @@
+//! `barymap animate`: sets a mesh in motion by markers or joints.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use barymap::Result;
+use barymap::encoding::Quality;
+use barymap::io::gltf_write::own_materials;
+use barymap::io::{GlbAnimation, MorphForm, Motion, read_markers, read_motion, write_animated_glb};
+use barymap::tools::animate::frames::{FrameFolder, FrameFormat, contact_sheet};
+use barymap::tools::animate::{
+    AnimateOptions, Binding, GapOptions, Interpolation, Reference, animate, fullest_frame, guess, without_rigid_motion,
+};
+use barymap::tools::render::{Coloring, RenderOptions};
+use clap::ValueEnum;
+use glam::DVec3;
+use serde_json::json;
+
+use crate::common::{Common, Session, Surface, check_outputs, usage};
+use crate::demo::from_rgba;
+
+/// Frames per second that are written unless others are asked for.
+const RATE: f64 = 30.0;
+/// Pictures on a contact sheet.
+const PICTURES: usize = 12;
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct Arguments {
+    /// The mesh: OBJ, PLY, OFF, glTF or GLB
+    mesh: PathBuf,
+    /// The clip: C3D, TRC, CSV, BVH, AMC, or SKELETON.asf,CLIP.amc
+    #[arg(long)]
+    motion: PathBuf,
+    /// Which vertices markers or joints move: JSON {"LKNE": 4711, "HEAD": [x, y, z], "LeftArm": {"vertices": [17, 29]}}; without it they are guessed
+    #[arg(long)]
+    markers: Option<PathBuf>,
+    /// The pose of the clip that is the mesh's: a frame counted from 0, or `rest` for a skeleton with all rotations zero
+    #[arg(long, value_parser = reference)]
+    reference: Option<Reference>,
+    /// First frame of the clip
+    #[arg(long, default_value_t = 0)]
+    first: usize,
+    /// The frame after the last
+    #[arg(long, default_value_t = usize::MAX)]
+    end: usize,
+    /// Frames per second to make: every so manieth of the clip is taken
+    #[arg(long, default_value_t = RATE)]
+    rate: f64,
+    /// Longest gap that is interpolated, in seconds; over longer ones a marker moves with those around it
+    #[arg(long, default_value_t = GapOptions::default().longest)]
+    gap: f64,
+    /// How short gaps are closed
+    #[arg(long, value_enum, default_value = "cubic")]
+    interpolation: InterpolationName,
+    /// How far the minimisation of each frame goes: splits, preview, default or converged
+    #[arg(long, default_value = "default", value_parser = quality)]
+    quality: Quality,
+    /// Largest distance of a vertex from its place in a GLB, in the mesh's units; 0 stores every frame
+    #[arg(long)]
+    tolerance: Option<f64>,
+    /// A picture of twelve frames
+    #[arg(long)]
+    sheet: Option<PathBuf>,
+    /// Camera of the picture: azimuth and elevation in degrees
+    #[arg(long, default_value = "35,8", value_parser = crate::render::view, allow_hyphen_values = true)]
+    view: (f64, f64),
+    /// The animation as OUT.glb, or a new folder of numbered OBJ or PLY files
+    #[arg(long, short)]
+    output: PathBuf,
+    /// Format of the files in a folder
+    #[arg(long, value_enum, default_value = "obj")]
+    format: FormatName,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum InterpolationName {
+    Cubic,
+    Linear,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum FormatName {
+    Obj,
+    Ply,
+}
+
+fn reference(text: &str) -> std::result::Result<Reference, String> {
+    if text.eq_ignore_ascii_case("rest") {
+        return Ok(Reference::Rest);
+    }
+    text.parse().map(Reference::Frame).map_err(|_| format!("{text:?} is no pose: write a frame number or rest"))
+}
+
+fn quality(text: &str) -> std::result::Result<Quality, String> {
+    Ok(match text {
+        "splits" => Quality::SPLITS,
+        "preview" => Quality::PREVIEW,
+        "default" => Quality::DEFAULT,
+        "converged" => Quality::CONVERGED,
+        _ => return Err(format!("{text:?} is none of splits, preview, default, converged")),
+    })
+}
+
+pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
+    let glb = arguments.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb"));
+    check_outputs(arguments.sheet.iter().map(PathBuf::as_path).chain(glb.then_some(arguments.output.as_path())))?;
+    if let Some(sheet) = &arguments.sheet {
+        barymap::io::image_file::check_image_extension(sheet)?;
+    }
+    for (name, value) in [("--rate", arguments.rate), ("--gap", arguments.gap + 1e-9)] {
+        if !(value > 0.0) || !value.is_finite() {
+            return Err(usage(name, &format!("{value}"), "Give a positive number"));
+        }
+    }
+    let mut session = Session::start_on_cpu(common)?;
+    let whole = read_motion(&arguments.motion)?;
+    for warning in &whole.warnings {
+        session.warn(&format!("{}: {warning}", arguments.motion.display()));
+    }
+    let surface = session.mesh(&arguments.mesh)?;
+    let binding = bind(arguments, &whole, &surface)?;
+    session.watch.lap("bind");
+    let size = surface.mesh.bounds().map_or(1.0, |(low, high)| low.distance(high));
+    session.say(&format!(
+        "{} points of {} on {} vertices, scale {:.4e}, {:.2} % of the mesh's diagonal between them (rms)",
+        binding.points().len(),
+        arguments.motion.display(),
+        binding.bonds.len(),
+        binding.fit.scale,
+        100.0 * binding.rms() / size,
+    ));
+    let step = (whole.rate / arguments.rate).round().max(1.0) as usize;
+    let motion = whole.part(arguments.first, arguments.end, 1)?;
+    let options = AnimateOptions {
+        quality: arguments.quality,
+        gaps: GapOptions {
+            longest: arguments.gap,
+            interpolation: match arguments.interpolation {
+                InterpolationName::Cubic => Interpolation::Cubic,
+                InterpolationName::Linear => Interpolation::Linear,
+            },
+        },
+        step,
+    };
+    let count = motion.frames.len().div_ceil(step);
+    let format = match arguments.format {
+        FormatName::Obj => FrameFormat::Obj,
+        FormatName::Ply => FrameFormat::Ply,
+    };
+    let mut folder = (!glb).then(|| FrameFolder::create(&arguments.output, count, format)).transpose()?;
+    let wanted: Vec<usize> = (0..PICTURES.min(count)).map(|k| k * count / PICTURES.min(count)).collect();
+    let (mut frames, mut placements, mut pictured) = (Vec::new(), Vec::new(), Vec::new());
+    let clock = Instant::now();
+    let mesh = &surface.mesh;
+    let report =
+        animate(mesh, &whole, &motion, &binding, &options, session.cache(), session.progress(), |f, shape| {
+            if let Some(folder) = &mut folder {
+                folder.write(mesh, &shape.positions)?;
+            } else {
+                let (local, placement) = without_rigid_motion(mesh, &shape.positions);
+                frames.push(local);
+                placements.push(placement);
+            }
+            if arguments.sheet.is_some() && wanted.contains(&f) {
+                pictured.push(shape.positions);
+            }
+            Ok(())
+        })?;
+    let rate = count as f64 / clock.elapsed().as_secs_f64();
+    session.watch.lap("decode");
+    for warning in &report.warnings {
+        session.warn(warning);
+    }
+    for gap in &report.gaps {
+        let text = format!(
+            "marker {}: {} frames interpolated, {} carried by the markers around it (longest gap {})",
+            gap.name, gap.interpolated, gap.released, gap.longest
+        );
+        session.warn(&text);
+    }
+    let mut document = session.report("animate");
+    let written = match folder {
+        Some(folder) => format!("{} files", folder.finish()?),
+        None => {
+            let times: Vec<f32> = (0..count).map(|f| (f as f64 * step as f64 / motion.rate) as f32).collect();
+            let form = match arguments.tolerance {
+                None => MorphForm::Auto,
+                Some(tolerance) if tolerance > 0.0 => MorphForm::Components { tolerance },
+                Some(_) => MorphForm::Frames,
+            };
+            let name = arguments.motion.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+            let animation = GlbAnimation { name: &name, times: &times, frames: &frames, placements: &placements, form };
+            let glb = write_animated_glb(&arguments.output, mesh, &own_materials(mesh)?, &animation)?;
+            document["targets"] = json!(glb.targets);
+            document["largest_error"] = json!(glb.largest_error);
+            document["bytes"] = json!(glb.bytes);
+            let kind = if glb.components { "components" } else { "frames" };
+            format!(
+                "{:.1} MB, {} {kind} as morph targets, every vertex within {:.1e} of its place",
+                glb.bytes as f64 / 1e6,
+                glb.targets,
+                glb.largest_error
+            )
+        }
+    };
+    if let Some(sheet) = &arguments.sheet {
+        picture(mesh, &pictured, arguments, sheet)?;
+    }
+    session.watch.lap("write");
+    session.say(&format!("{}: {count} frames, {rate:.1} a second; {written}", arguments.output.display()));
+    for (key, value) in [
+        ("frames", json!(count)),
+        ("frames_per_second", json!(rate)),
+        ("bound_vertices", json!(binding.bonds.len())),
+        ("fit_rms", json!(binding.rms())),
+        ("fit_scale", json!(binding.fit.scale)),
+        ("iterations", json!(report.iterations)),
+    ] {
+        document[key] = value;
+    }
+    session.write_report(&document)
+}
+
+/// By the file, or by shape alone.
+fn bind(arguments: &Arguments, motion: &Motion, surface: &Surface) -> Result<Binding> {
+    let all: Vec<usize> = (0..motion.point_count()).collect();
+    match &arguments.markers {
+        Some(path) => {
+            let places = read_markers(path)?;
+            let named: Vec<usize> = places.iter().map(|(name, _)| motion.index_of(name)).collect::<Result<_>>()?;
+            let reference = arguments.reference.unwrap_or_else(|| Reference::Frame(fullest_frame(motion, &named)));
+            Binding::given(motion, &surface.mesh, &places, reference)
+        }
+        None => {
+            let reference = arguments.reference.unwrap_or_else(|| Reference::Frame(fullest_frame(motion, &all)));
+            guess(motion, &surface.mesh, reference)
+        }
+    }
+}
+
+/// The contact sheet. The mesh is drawn with the textures it names, as far as they can be read.
+fn picture(mesh: &barymap::geometry::Mesh, shapes: &[Vec<DVec3>], arguments: &Arguments, path: &Path) -> Result<()> {
+    let options = RenderOptions {
+        width: 360,
+        height: 480,
+        azimuth: arguments.view.0,
+        elevation: arguments.view.1,
+        ..RenderOptions::default()
+    };
+    let sheet = contact_sheet(mesh, Coloring::Plain([190, 190, 196]), shapes, 6, &options)?;
+    barymap::io::write_image(&from_rgba(&sheet)?, path)
+}
