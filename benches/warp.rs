@@ -64,7 +64,7 @@ fn preimages(band: Band, zoom: f32) -> (Vec<[i32; 2]>, Vec<Preimage>) {
 /// The least time of a few rounds over all bands of a picture, whose pre-images are made before the clock runs: as in a warp,
 /// they are fresh when they are used.
 fn by_bands(zoom: f32, mut job: impl FnMut(Band, &[[i32; 2]], &[Preimage])) -> f64 {
-    const ROWS: usize = 60;
+    const ROWS: usize = 135;
     let mut sum = 0.0;
     for first in (0..HEIGHT).step_by(ROWS) {
         let band = Band { first, rows: ROWS, width: WIDTH };
