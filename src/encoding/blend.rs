@@ -3,6 +3,8 @@
 use rayon::prelude::*;
 
 use super::encode::encode_ring;
+use super::hierarchy::Stage;
+use super::springs::slot_lengths;
 use super::{Encoding, Hierarchy, Stencils, V3};
 use crate::error::{Error, Result};
 
@@ -11,6 +13,8 @@ use crate::error::{Error, Result};
 pub struct Blend {
     /// Per shape: splits, then the stages.
     shapes: Vec<Vec<Encoding<f64>>>,
+    /// Per shape and stage: the length of every slot's edge.
+    lengths: Vec<Vec<Vec<f64>>>,
     /// Rings that could not be encoded in some other shape and take the first one's coefficients there.
     pub borrowed: usize,
 }
@@ -40,7 +44,11 @@ impl Blend {
             }
             result.push(parts);
         }
-        Ok(Self { shapes: result, borrowed })
+        let lengths = shapes
+            .iter()
+            .map(|x| hierarchy.stages.iter().map(|s| slot_lengths(&s.stencils, x, 1.0)).collect())
+            .collect();
+        Ok(Self { shapes: result, lengths, borrowed })
     }
 
     /// Number of shapes.
@@ -53,10 +61,11 @@ impl Blend {
         self.shapes.is_empty()
     }
 
-    /// Writes the average with `weights(number)` (one a shape, summing to one) into `hierarchy`, the one this was made for.
+    /// Writes the average with `weights(number)` (one a shape, summing to one) into `hierarchy`, the one this was made for, and returns the
+    /// averages of the edges' lengths, stage by stage.
     ///
     /// The weights w are averaged, and the angles arctan b instead of b, whose size has no bound. A single shape's encoding comes back as it is.
-    pub fn write<'w>(&self, hierarchy: &mut Hierarchy, weights: impl Fn(u32) -> &'w [f64] + Sync) {
+    pub fn write<'w>(&self, hierarchy: &mut Hierarchy, weights: impl Fn(u32) -> &'w [f64] + Sync) -> Vec<Vec<f64>> {
         let mut targets: Vec<(&Stencils, &mut Encoding<f64>)> =
             vec![(&hierarchy.splits, &mut hierarchy.split_encoding)];
         targets.extend(hierarchy.stages.iter_mut().map(|s| (&s.stencils, &mut s.encoding)));
@@ -78,6 +87,15 @@ impl Blend {
                 *b = angle.tan();
             });
         }
+        let stage = |(k, stage): (usize, &Stage)| {
+            let slot = |s: usize| {
+                let row = stage.stencils.slot_row[s] as usize;
+                let weights = weights(stage.stencils.vertex[row]);
+                weights.iter().zip(&self.lengths).map(|(w, shape)| w * shape[k][s]).sum()
+            };
+            (0..stage.stencils.neighbour.len()).map(slot).collect()
+        };
+        hierarchy.stages.iter().enumerate().map(stage).collect()
     }
 }
 

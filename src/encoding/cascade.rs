@@ -3,8 +3,9 @@
 use std::time::Instant;
 
 use super::decode::split_level;
+use super::hierarchy::Stage;
 use super::solver::{Method, Solved, StageSolver, Stop};
-use super::springs::Springs;
+use super::springs::{Springs, slot_lengths};
 use super::sweeps::gauss_seidel;
 use super::{Hierarchy, V3};
 use crate::error::{Error, Result};
@@ -105,6 +106,8 @@ pub struct Decoder {
     last: Option<Vec<V3<f64>>>,
     /// The coefficients are not those of the last frame.
     changed: bool,
+    /// Lengths of the slots' edges for the stiffness, a list a stage; empty for those at rest.
+    lengths: Vec<Vec<f64>>,
 }
 
 impl Decoder {
@@ -112,7 +115,7 @@ impl Decoder {
     pub fn new(hierarchy: Hierarchy, rest: &[V3<f64>]) -> Self {
         let rest = hierarchy.order.iter().map(|&v| rest[v as usize]).collect();
         let solvers = hierarchy.stages.iter().map(|_| StageSolver::default()).collect();
-        Self { hierarchy, rest, solvers, last: None, changed: false }
+        Self { hierarchy, rest, solvers, last: None, changed: false, lengths: Vec::new() }
     }
 
     /// The hierarchy.
@@ -131,8 +134,11 @@ impl Decoder {
     }
 
     /// Changes the coefficients, for example to an average of several shapes' ([`super::Blend`]). Rings must stay as they are.
-    pub fn change_encoding(&mut self, change: impl FnOnce(&mut Hierarchy)) {
-        change(&mut self.hierarchy);
+    ///
+    /// `change` returns the lengths that a stiffness keeps instead of those at rest: a list a stage, one entry a slot; or nothing.
+    pub fn change_encoding(&mut self, change: impl FnOnce(&mut Hierarchy) -> Vec<Vec<f64>>) {
+        self.lengths = change(&mut self.hierarchy);
+        self.lengths.resize(if self.lengths.is_empty() { 0 } else { self.hierarchy.stages.len() }, Vec::new());
         self.changed = true;
     }
 
@@ -192,7 +198,7 @@ impl Decoder {
             }
             let stop = stop(method, quality);
             if stop.iterations > 0 {
-                let springs = Springs::new(&stage.stencils, &self.rest, quality.stiffness, scale);
+                let springs = springs(stage, self.lengths.get(k), &self.rest, scale, quality.stiffness);
                 let solved = self.solvers[k].minimise(
                     &stage.stencils,
                     &stage.encoding,
@@ -234,11 +240,22 @@ impl Decoder {
         let clock = Instant::now();
         let free = stage.vertices - h.held;
         let method = method(free, quality);
-        let springs = Springs::new(&stage.stencils, &self.rest, quality.stiffness, scale);
+        let springs = springs(stage, self.lengths.last(), &self.rest, scale, quality.stiffness);
         let stop = stop(method, quality);
         let solved =
             solver.minimise(&stage.stencils, &stage.encoding, springs.as_ref(), h.held, method, stop, positions)?;
         Ok(LevelReport::new(free, &solved, clock))
+    }
+}
+
+/// The springs of a stage: over the lengths given for it, else over those at rest times the scale.
+fn springs(stage: &Stage, given: Option<&Vec<f64>>, rest: &[V3<f64>], scale: f64, stiffness: f64) -> Option<Springs> {
+    if !(stiffness > 0.0) {
+        return None;
+    }
+    match given {
+        Some(lengths) => Springs::new(lengths, stiffness, scale),
+        None => Springs::new(&slot_lengths(&stage.stencils, rest, scale), stiffness, scale),
     }
 }
 

@@ -17,6 +17,17 @@ pub(crate) struct Springs {
     slots: Vec<[f64; 2]>,
 }
 
+/// The distance between the ends of every slot, times `size`.
+pub(crate) fn slot_lengths(stencils: &Stencils, positions: &[V3<f64>], size: f64) -> Vec<f64> {
+    let ends = |s: usize| (stencils.vertex[stencils.slot_row[s] as usize] as usize, stencils.neighbour[s] as usize);
+    (0..stencils.neighbour.len())
+        .map(|s| {
+            let (v, u) = ends(s);
+            size * length(sub(positions[v], positions[u]))
+        })
+        .collect()
+}
+
 /// A slot's spring at given positions: its residual is `value` and `direction` the derivative by the row's vertex (minus that by the neighbour).
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Stretch {
@@ -25,17 +36,12 @@ pub(crate) struct Stretch {
 }
 
 impl Springs {
-    /// Springs for the slots of `stencils` at rest; none for a stiffness of zero.
-    pub(crate) fn new(stencils: &Stencils, rest: &[V3<f64>], stiffness: f64, size: f64) -> Option<Self> {
-        if !(stiffness > 0.0) {
-            return None;
-        }
-        let slot = |s: usize| {
-            let row = stencils.slot_row[s] as usize;
-            let l = length(sub(rest[stencils.vertex[row] as usize], rest[stencils.neighbour[s] as usize]));
-            [(0.5 * stiffness).sqrt() * l, size * l]
-        };
-        Some(Self { slots: (0..stencils.neighbour.len()).map(slot).collect() })
+    /// Springs for the slots of `stencils` with given lengths to keep; none for a stiffness of zero. `size` is the scale at which these
+    /// lengths are.
+    pub(crate) fn new(lengths: &[f64], stiffness: f64, size: f64) -> Option<Self> {
+        let root = (0.5 * stiffness).sqrt() / size;
+        let usable = stiffness > 0.0 && root.is_finite();
+        usable.then(|| Self { slots: lengths.iter().map(|&l| [root * l, l]).collect() })
     }
 
     /// The term's value.

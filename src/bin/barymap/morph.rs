@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use barymap::encoding::{HierarchyOptions, Quality};
+use barymap::encoding::HierarchyOptions;
 use barymap::geometry::Mesh;
 use barymap::io::read_vertex_list;
-use barymap::tools::morph::Morpher;
+use barymap::tools::morph::{Morpher, QUALITY};
 use barymap::{Error, Result};
 use clap::ValueEnum;
 use serde_json::json;
@@ -73,7 +73,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     // Normals of an in-between would be wrong: readers make their own.
     mesh = without_normals(&mesh);
     for (k, weights) in frames.iter().enumerate() {
-        let (positions, report) = morpher.shape(weights, &Quality::CONVERGED)?;
+        let (positions, report) = morpher.shape(weights, &QUALITY)?;
         mesh.positions = positions;
         let file = arguments.output.join(format!("frame_{k:04}.{extension}"));
         match arguments.format {

@@ -18,14 +18,9 @@ use anchors::Anchors;
 /// Largest change of a weight in one step.
 const STEP: f64 = 1.0 / 16.0;
 
-/// What to blend with.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Weights {
-    /// One weight a shape for the whole mesh.
-    Global(Vec<f64>),
-    /// One weight a shape for every vertex, vertex by vertex: a painted mask pastes a part of one shape onto another.
-    PerVertex(Vec<f64>),
-}
+/// The quality for in-betweens: converged, and with edges kept near the averages of their lengths. Averages of encodings belong to no shape,
+/// and without that the size of an in-between drifts along slender parts.
+pub const QUALITY: Quality = Quality { stiffness: 10.0, ..Quality::CONVERGED };
 
 /// Blends a list of shapes.
 #[derive(Debug)]
@@ -213,7 +208,8 @@ impl Morpher {
             self.shapes[0].iter().zip(&held).map(|(&a, &b)| (a.into(), b.into())).collect();
         let fit = Similarity::fit(&pairs);
         let start = |_: usize, p: V3<f64>| fit.apply(DVec3::from(p)).to_array();
-        self.decoder.decode(&held, start, fit.scale, quality, true)
+        // The lengths are blended as they are, at the shapes' own size.
+        self.decoder.decode(&held, start, 1.0, quality, true)
     }
 
     /// Decoded positions in the meshes' units; vertices the hierarchy does not have are blended linearly.

