@@ -1,8 +1,10 @@
 //! A binding without a file: the clip is laid onto the mesh by iterated closest points, then each marker takes the vertex nearest to it, and each bone
 //! takes vertices around it.
 //!
-//! Iterated closest points (Besl, McKay 1992) finds the nearest minimum only: it begins from all 24 ways to turn axes into axes, at the size and
-//! place of the bounding boxes, and the best end is taken. A tenth of the points, those farthest off, have no say (markers on stalks, strays).
+//! Iterated closest points (Besl, McKay 1992) finds the nearest minimum only. It begins at the height and place of the bounding boxes from eight headings,
+//! with y or z up on either side, and the best end is taken. Points are paired both ways, each point of the clip with the mesh and each sample of the
+//! mesh with the clip: one way alone, a small clip hides inside the body. Both sides are thinned to evenly spread samples first, and a tenth of the
+//! pairs, those farthest apart, have no say (markers on stalks, strays).
 
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
@@ -11,18 +13,25 @@ use super::binding::{Binding, Bond, Reference, reference_point};
 use crate::encoding::Similarity;
 use crate::error::{Error, Result};
 use crate::geometry::Mesh;
-use crate::io::motion::Motion;
+use crate::io::motion::{Motion, Segment};
 
-/// Steps of the iteration; it converges in fewer.
-const STEPS: usize = 40;
-/// How far the size may go from that of the bounding boxes.
-const GROWTH: f64 = 1.3;
+/// Most steps of the iteration.
+const STEPS: usize = 60;
+/// How far the size may go from that of the heights: arms may be held differently, the height hardly.
+const GROWTH: f64 = 1.1;
+/// Headings tried for each way up.
+const HEADINGS: usize = 8;
+/// Samples of the mesh and of the clip.
+const MESH_SAMPLES: usize = 400;
+const CLIP_SAMPLES: usize = 150;
+/// Points taken along the longest side of a skeleton.
+const BONE_SAMPLES: f64 = 40.0;
 /// Markers farther from the surface than this part of the mesh's diagonal are left out.
 const FAR: f64 = 0.06;
 /// Bones shorter than this part of the diagonal (fingers, eyes) take no vertices.
 const SHORT: f64 = 0.04;
 /// Where along a bone vertices are taken, and how many around it at each place.
-const ALONG: [f64; 2] = [0.25, 0.75];
+const ALONG: [f64; 2] = [0.3, 0.7];
 const AROUND: usize = 4;
 
 /// Binds the points of `motion` to `mesh` by the shape of the `reference` pose alone.
@@ -50,8 +59,11 @@ pub fn guess(motion: &Motion, mesh: &Mesh, reference: Reference) -> Result<Bindi
         let what = format!("{}: {} markers are seen in the reference pose", motion.path.display(), points.len());
         return Err(Error::input(what, "Choose a frame in which at least four are seen"));
     }
-    let clip: Vec<DVec3> = points.iter().map(|p| p.1).collect();
-    let fit = laid_on(&clip, &vertices);
+    let clip = match &motion.skeleton {
+        None => points.iter().map(|p| p.1).collect(),
+        Some(skeleton) => along_bones(motion, &skeleton.segments, reference)?,
+    };
+    let fit = laid_on(&spread_out(&clip, CLIP_SAMPLES), &spread_out(&vertices, MESH_SAMPLES));
     let size = diagonal(&vertices);
     let mut warnings = Vec::new();
     let bonds = match &motion.skeleton {
@@ -84,24 +96,53 @@ fn diagonal(points: &[DVec3]) -> f64 {
     low.distance(high)
 }
 
-/// The 24 rotations that take axes to axes.
-fn turns() -> Vec<DMat3> {
-    let axes = [DVec3::X, DVec3::Y, DVec3::Z];
-    let mut turns = Vec::new();
-    for i in 0..3 {
-        for j in (0..3).filter(|&j| j != i) {
-            for (a, b) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] {
-                let (x, y) = (axes[i] * a, axes[j] * b);
-                turns.push(DMat3::from_cols(x, y, x.cross(y)));
+/// Points along the bones, evenly by length: joints crowd in hands and faces.
+fn along_bones(motion: &Motion, segments: &[Segment], reference: Reference) -> Result<Vec<DVec3>> {
+    let ends: Vec<(DVec3, DVec3)> = segments
+        .iter()
+        .map(|s| Ok((reference_point(motion, reference, s.from)?, reference_point(motion, reference, s.to)?)))
+        .collect::<Result<_>>()?;
+    let all: Vec<DVec3> = ends.iter().flat_map(|e| [e.0, e.1]).collect();
+    let spacing = diagonal(&all) / BONE_SAMPLES;
+    let mut points = Vec::new();
+    for (a, b) in ends {
+        let steps = if spacing > 0.0 { (a.distance(b) / spacing).ceil().clamp(1.0, BONE_SAMPLES) } else { 1.0 };
+        points.extend((0..=steps as usize).map(|k| a.lerp(b, k as f64 / steps)));
+    }
+    Ok(points)
+}
+
+/// At most `most` of the points, each as far as possible from those before it.
+fn spread_out(points: &[DVec3], most: usize) -> Vec<DVec3> {
+    let mut distance = vec![f64::INFINITY; points.len()];
+    let mut chosen: Vec<DVec3> = Vec::new();
+    let mut next = 0;
+    while chosen.len() < most.min(points.len()) && distance[next] > 0.0 {
+        let p = points[next];
+        chosen.push(p);
+        next = 0;
+        for (k, q) in points.iter().enumerate() {
+            distance[k] = distance[k].min(q.distance_squared(p));
+            if distance[k] > distance[next] {
+                next = k;
             }
         }
     }
-    turns
+    chosen
+}
+
+/// Rotations with y or z up before and after, at all headings; beside each the way up after it.
+fn turns() -> Vec<(DMat3, DVec3)> {
+    // From z up to y up.
+    let tip = DMat3::from_rotation_x(-std::f64::consts::FRAC_PI_2);
+    let heading = |k: usize| DMat3::from_rotation_y(std::f64::consts::TAU * k as f64 / HEADINGS as f64);
+    let ways = [(DMat3::IDENTITY, DMat3::IDENTITY), (tip, DMat3::IDENTITY), (DMat3::IDENTITY, tip.transpose()), (tip, tip.transpose())];
+    ways.iter().flat_map(|(before, after)| (0..HEADINGS).map(move |k| (*after * heading(k) * *before, *after * DVec3::Y))).collect()
 }
 
 /// The similarity that lays the clip onto the vertices best.
 fn laid_on(clip: &[DVec3], vertices: &[DVec3]) -> Similarity {
-    let ends: Vec<(f64, Similarity)> = turns().par_iter().map(|turn| closest_points(clip, vertices, turn)).collect();
+    let ends: Vec<(f64, Similarity)> = turns().par_iter().map(|(turn, up)| closest_points(clip, vertices, turn, *up)).collect();
     let mut best = ends[0];
     for end in ends {
         if end.0 < best.0 {
@@ -111,41 +152,58 @@ fn laid_on(clip: &[DVec3], vertices: &[DVec3]) -> Similarity {
     best.1
 }
 
-fn closest_points(clip: &[DVec3], vertices: &[DVec3], turn: &DMat3) -> (f64, Similarity) {
+/// The pairs of each of `from` with the nearest of `to`, without the tenth that is farthest apart, and the mean of their squared distances.
+fn pairs(from: &[DVec3], to: &[DVec3]) -> (f64, Vec<(usize, usize)>) {
+    let mut pairs: Vec<(f64, usize, usize)> = from
+        .iter()
+        .enumerate()
+        .map(|(i, p)| {
+            let near = to.iter().enumerate().map(|(j, q)| (p.distance_squared(*q), j));
+            let (distance, j) = near.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, 0));
+            (distance, i, j)
+        })
+        .collect();
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    pairs.truncate((pairs.len() * 9).div_ceil(10));
+    let mean = pairs.iter().map(|p| p.0).sum::<f64>() / pairs.len().max(1) as f64;
+    (mean, pairs.into_iter().map(|p| (p.1, p.2)).collect())
+}
+
+fn closest_points(clip: &[DVec3], vertices: &[DVec3], turn: &DMat3, up: DVec3) -> (f64, Similarity) {
     let turned: Vec<DVec3> = clip.iter().map(|p| *turn * *p).collect();
     let ((a, b), (c, d)) = (bounds(&turned), bounds(vertices));
-    let scale = d.distance(c) / b.distance(a).max(f64::MIN_POSITIVE);
+    let scale = (d - c).dot(up).abs() / (b - a).dot(up).abs().max(1e-6 * a.distance(b)).max(f64::MIN_POSITIVE);
     let mut fit = Similarity { rotation: *turn, scale, shift: (c + d - (a + b) * scale) * 0.5 };
-    let mut error = f64::INFINITY;
+    let mut best = (f64::INFINITY, fit);
     for _ in 0..STEPS {
-        let mut pairs: Vec<(f64, DVec3, DVec3)> = clip
-            .iter()
-            .map(|p| {
-                let at = fit.apply(*p);
-                let near = vertices.iter().map(|v| (v.distance_squared(at), *v));
-                let (distance, v) = near.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, at));
-                (distance, *p, v)
-            })
-            .collect();
-        pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
-        pairs.truncate((pairs.len() * 9).div_ceil(10));
-        let now = pairs.iter().map(|p| p.0).sum::<f64>() / pairs.len() as f64;
-        let size = fit.scale;
-        if !(now < error * (1.0 - 1e-4)) {
+        let placed: Vec<DVec3> = clip.iter().map(|p| fit.apply(*p)).collect();
+        let (there, out) = pairs(&placed, vertices);
+        let (back, home) = pairs(vertices, &placed);
+        let error = there + back;
+        let slow = !(error < best.0 * (1.0 - 1e-5));
+        if error < best.0 {
+            best = (error, fit);
+        }
+        if slow {
             break;
         }
-        error = now;
-        let pairs: Vec<(DVec3, DVec3)> = pairs.into_iter().map(|p| (p.1, p.2)).collect();
-        let mut next = Similarity::fit(&pairs);
-        let allowed = next.scale.clamp(scale / GROWTH, scale * GROWTH).clamp(0.95 * size, 1.05 * size);
-        // The same centre with the size that is allowed.
-        let centre = pairs.iter().fold(DVec3::ZERO, |s, p| s + p.0) / pairs.len() as f64;
+        // A point of the clip meets the mean of the samples that chose it and of the one it chose.
+        let mut sums = vec![(DVec3::ZERO, 0.0); clip.len()];
+        for (p, v) in out.into_iter().chain(home.into_iter().map(|(v, p)| (p, v))) {
+            sums[p].0 += vertices[v];
+            sums[p].1 += 1.0;
+        }
+        let met: Vec<(DVec3, DVec3)> =
+            clip.iter().zip(&sums).filter(|(_, s)| s.1 > 0.0).map(|(p, s)| (*p, s.0 / s.1)).collect();
+        let mut next = Similarity::fit(&met);
+        let allowed = next.scale.clamp(scale / GROWTH, scale * GROWTH);
+        // The same centre at the size that is allowed.
+        let centre = met.iter().fold(DVec3::ZERO, |s, p| s + p.0) / met.len().max(1) as f64;
         next.shift += next.rotation * centre * (next.scale - allowed);
         next.scale = allowed;
         fit = next;
     }
-    // A small clip is near to everything: the distance counts in the clip's own size.
-    (error / (fit.scale * fit.scale), fit)
+    best
 }
 
 /// The vertex nearest to each marker, each vertex once.
@@ -275,9 +333,21 @@ mod tests {
     }
 
     #[test]
-    fn there_are_24_turns_and_no_mirror() {
+    fn turns_are_rotations_and_distinct() {
         let turns = turns();
-        assert_eq!(turns.len(), 24);
-        assert!(turns.iter().all(|t| (t.determinant() - 1.0).abs() < 1e-12));
+        assert_eq!(turns.len(), 4 * HEADINGS);
+        for (k, (a, up)) in turns.iter().enumerate() {
+            assert!((a.determinant() - 1.0).abs() < 1e-12 && (up.y + up.z - 1.0).abs() < 1e-12);
+            assert!(turns[..k].iter().all(|(b, _)| !a.abs_diff_eq(*b, 1e-6)));
+        }
+    }
+
+    #[test]
+    fn samples_spread() {
+        let line: Vec<DVec3> = (0..101).map(|k| DVec3::X * f64::from(k).powi(2)).collect();
+        let chosen = spread_out(&line, 3);
+        assert_eq!((chosen[0].x, chosen[1].x), (0.0, 10000.0));
+        assert!((chosen[2].x - 5000.0).abs() < 200.0);
+        assert_eq!(spread_out(&[DVec3::X; 5], 3).len(), 1);
     }
 }
