@@ -25,7 +25,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_enum, default_value = "default")]
     quality: QualityName,
     /// How strongly edges keep their lengths: 0 not at all, 1 well
-    #[arg(long, default_value_t = 0.0)]
+    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     stiffness: f64,
     /// Sweeps of Gauss-Seidel at the end, as in the paper
     #[arg(long, default_value_t = 0)]

@@ -136,13 +136,21 @@ fn turns() -> Vec<(DMat3, DVec3)> {
     // From z up to y up.
     let tip = DMat3::from_rotation_x(-std::f64::consts::FRAC_PI_2);
     let heading = |k: usize| DMat3::from_rotation_y(std::f64::consts::TAU * k as f64 / HEADINGS as f64);
-    let ways = [(DMat3::IDENTITY, DMat3::IDENTITY), (tip, DMat3::IDENTITY), (DMat3::IDENTITY, tip.transpose()), (tip, tip.transpose())];
-    ways.iter().flat_map(|(before, after)| (0..HEADINGS).map(move |k| (*after * heading(k) * *before, *after * DVec3::Y))).collect()
+    let ways = [
+        (DMat3::IDENTITY, DMat3::IDENTITY),
+        (tip, DMat3::IDENTITY),
+        (DMat3::IDENTITY, tip.transpose()),
+        (tip, tip.transpose()),
+    ];
+    ways.iter()
+        .flat_map(|(before, after)| (0..HEADINGS).map(move |k| (*after * heading(k) * *before, *after * DVec3::Y)))
+        .collect()
 }
 
 /// The similarity that lays the clip onto the vertices best.
 fn laid_on(clip: &[DVec3], vertices: &[DVec3]) -> Similarity {
-    let ends: Vec<(f64, Similarity)> = turns().par_iter().map(|(turn, up)| closest_points(clip, vertices, turn, *up)).collect();
+    let ends: Vec<(f64, Similarity)> =
+        turns().par_iter().map(|(turn, up)| closest_points(clip, vertices, turn, *up)).collect();
     let mut best = ends[0];
     for end in ends {
         if end.0 < best.0 {
