@@ -86,3 +86,23 @@ fn faults_are_told_in_words() {
     f.run("deform s.obj --handles h.json -o out.obj --stiffness -1").fails(2, &["stiffness"]);
     assert!(!f.path("out.obj").exists());
 }
+
+#[test]
+fn morphs_begin_and_end_at_their_inputs() {
+    let f = Folder::spheres();
+    let mut mesh = read_mesh(f.path("s.obj")).unwrap().mesh;
+    mesh.positions.iter_mut().for_each(|p| *p *= DVec3::new(1.0, 1.5, 0.8));
+    barymap::io::write_obj(&mesh, f.path("b.obj")).unwrap();
+    f.run("morph s.obj b.obj -o out --frames 3 --report r.json").succeeds();
+    for (file, like) in [("out/frame_0000.obj", "s.obj"), ("out/frame_0002.obj", "b.obj")] {
+        let (a, b) = (read_mesh(f.path(file)).unwrap().mesh, read_mesh(f.path(like)).unwrap().mesh);
+        let worst = a.positions.iter().zip(&b.positions).map(|(p, q)| p.distance(*q)).fold(0.0, f64::max);
+        assert!(worst < 1e-9 && a.triangles() == b.triangles(), "{file}: {worst}");
+    }
+    assert_eq!(f.json("r.json")["frames"].as_array().unwrap().len(), 3);
+    f.run("morph s.obj b.obj -o one --weights 0.4,0.6 --format ply").succeeds();
+    assert!(f.path("one/frame_0000.ply").exists());
+    f.run("morph s.obj t.obj -o none").fails(1, &["s.obj", "t.obj", "vertices"]);
+    f.run("morph s.obj b.obj -o none --weights 0.4,0.7").fails(2, &["weights"]);
+    f.run("morph s.obj -o none").code.filter(|c| *c == 2).expect("one mesh alone is wrong use");
+}

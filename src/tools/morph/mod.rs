@@ -20,7 +20,7 @@ const STEP: f64 = 1.0 / 16.0;
 
 /// The quality for in-betweens: converged, and with edges kept near the averages of their lengths. Averages of encodings belong to no shape,
 /// and without that the size of an in-between drifts along slender parts.
-pub const QUALITY: Quality = Quality { stiffness: 10.0, ..Quality::CONVERGED };
+pub const QUALITY: Quality = Quality { stiffness: 100.0, ..Quality::CONVERGED };
 
 /// Blends a list of shapes.
 #[derive(Debug)]
