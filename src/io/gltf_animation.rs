@@ -156,7 +156,10 @@ fn check(mesh: &Mesh, animation: &GlbAnimation<'_>) -> Result<()> {
         !(times[f] >= before) || !times[f].is_finite() || (f > 0 && times[f] == before)
     }) {
         let what = format!("frame {f} is at {} seconds, not after the one before", times[f]);
-        return Err(Error::input(what, "Give times in order; beyond about a day single precision cannot tell frames apart"));
+        return Err(Error::input(
+            what,
+            "Give times in order; beyond about a day single precision cannot tell frames apart",
+        ));
     }
     for (f, frame) in frames.iter().enumerate() {
         if frame.len() != mesh.vertex_count() {

@@ -43,7 +43,13 @@ impl Components {
         let rest = &mesh.positions;
         let mut basis: Vec<Vec<DVec3>> = Vec::new();
         let mut coordinates: Vec<Vec<f64>> = vec![Vec::new(); frames.len()];
-        let total: Vec<f64> = frames.par_iter().map(|f| { let d = displacement(rest, f); dot(&d, &d) }).collect();
+        let total: Vec<f64> = frames
+            .par_iter()
+            .map(|f| {
+                let d = displacement(rest, f);
+                dot(&d, &d)
+            })
+            .collect();
         let mut left = total.clone();
         let mut spent = vec![false; frames.len()];
         // The root of the mean squared distance at which the largest one is worth looking at.
@@ -88,11 +94,8 @@ impl Components {
             .collect();
         let weights: Vec<Vec<f32>> =
             coordinates.iter().map(|c| c.iter().zip(&scales).map(|(c, s)| (c / s) as f32).collect()).collect();
-        let shapes: Vec<Vec<Vec3>> = basis
-            .into_iter()
-            .zip(&scales)
-            .map(|(b, s)| b.into_iter().map(|b| (b * *s).as_vec3()).collect())
-            .collect();
+        let shapes: Vec<Vec<Vec3>> =
+            basis.into_iter().zip(&scales).map(|(b, s)| b.into_iter().map(|b| (b * *s).as_vec3()).collect()).collect();
         let rounded: Vec<Vec<DVec3>> = shapes.iter().map(|s| s.iter().map(|d| d.as_dvec3()).collect()).collect();
         let exact: Vec<Vec<f64>> = weights.iter().map(|w| w.iter().map(|w| f64::from(*w)).collect()).collect();
         let error = errors(&mesh.positions, frames, &rounded, &exact).into_iter().fold(0.0, f64::max);

@@ -88,7 +88,16 @@ mod tests {
         assert_eq!(places[0].1, MarkerPlace::Position(DVec3::new(0.0, 1.5, -2.0)));
         assert_eq!(places[3].1, MarkerPlace::Vertices(vec![1, 2]));
         assert_eq!(read(r#"{"markers": {"b": 3}}"#).unwrap().len(), 1);
-        for bad in ["", "[]", "{}", "{\"knee\": -1}", "{\"knee\": [1, 2]}", "{\"knee\": {\"vertices\": []}}", "{\"knee\": null}", "{\"knee\": 4294967296}"] {
+        for bad in [
+            "",
+            "[]",
+            "{}",
+            "{\"knee\": -1}",
+            "{\"knee\": [1, 2]}",
+            "{\"knee\": {\"vertices\": []}}",
+            "{\"knee\": null}",
+            "{\"knee\": 4294967296}",
+        ] {
             let message = read(bad).unwrap_err().to_string();
             assert!(message.contains("m.json") && (message.contains("knee") || !bad.contains("knee")), "{message}");
         }

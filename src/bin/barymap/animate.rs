@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use barymap::Result;
 use barymap::encoding::Quality;
+use barymap::geometry::Mesh;
 use barymap::io::gltf_write::own_materials;
 use barymap::io::{GlbAnimation, MorphForm, Motion, read_markers, read_motion, write_animated_glb};
 use barymap::tools::animate::frames::{FrameFolder, FrameFormat, contact_sheet};
@@ -11,7 +13,6 @@ use barymap::tools::animate::{
     AnimateOptions, Binding, GapOptions, Interpolation, Reference, animate, fullest_frame, guess, without_rigid_motion,
 };
 use barymap::tools::render::{Coloring, RenderOptions};
-use barymap::Result;
 use clap::ValueEnum;
 use glam::DVec3;
 use serde_json::json;
@@ -152,19 +153,20 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let (mut frames, mut placements, mut pictured) = (Vec::new(), Vec::new(), Vec::new());
     let clock = Instant::now();
     let mesh = &surface.mesh;
-    let report = animate(mesh, &whole, &motion, &binding, &options, session.cache(), session.progress(), |f, shape| {
-        if let Some(folder) = &mut folder {
-            folder.write(mesh, &shape.positions)?;
-        } else {
-            let (local, placement) = without_rigid_motion(mesh, &shape.positions);
-            frames.push(local);
-            placements.push(placement);
-        }
-        if arguments.sheet.is_some() && wanted.contains(&f) {
-            pictured.push(shape.positions);
-        }
-        Ok(())
-    })?;
+    let report =
+        animate(mesh, &whole, &motion, &binding, &options, session.cache(), session.progress(), |f, shape| {
+            if let Some(folder) = &mut folder {
+                folder.write(mesh, &shape.positions)?;
+            } else {
+                let (local, placement) = without_rigid_motion(mesh, &shape.positions);
+                frames.push(local);
+                placements.push(placement);
+            }
+            if arguments.sheet.is_some() && wanted.contains(&f) {
+                pictured.push(shape.positions);
+            }
+            Ok(())
+        })?;
     let rate = count as f64 / clock.elapsed().as_secs_f64();
     session.watch.lap("decode");
     for warning in &report.warnings {
@@ -188,8 +190,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
                 Some(_) => MorphForm::Frames,
             };
             let name = arguments.motion.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-            let animation =
-                GlbAnimation { name: &name, times: &times, frames: &frames, placements: &placements, form };
+            let animation = GlbAnimation { name: &name, times: &times, frames: &frames, placements: &placements, form };
             let glb = write_animated_glb(&arguments.output, mesh, &own_materials(mesh)?, &animation)?;
             document["targets"] = json!(glb.targets);
             document["largest_error"] = json!(glb.largest_error);
@@ -238,8 +239,8 @@ fn bind(arguments: &Arguments, motion: &Motion, surface: &Surface) -> Result<Bin
     }
 }
 
-/// The contact sheet. The mesh is drawn with the textures it names, as far as they can be read.
-fn picture(mesh: &barymap::geometry::Mesh, shapes: &[Vec<DVec3>], arguments: &Arguments, path: &Path) -> Result<()> {
+/// The contact sheet, in plain grey: what counts is the shape.
+fn picture(mesh: &Mesh, shapes: &[Vec<DVec3>], arguments: &Arguments, path: &Path) -> Result<()> {
     let options = RenderOptions {
         width: 360,
         height: 480,

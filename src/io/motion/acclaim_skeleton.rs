@@ -72,10 +72,13 @@ impl Lines<'_> {
     }
 
     fn freedoms(&self, line: usize, words: &[&str]) -> Result<Vec<Freedom>> {
-        words.iter().take(16).map(|w| freedom(w).map_or_else(
-            || self.fail(line, format!("{:?} is not a degree of freedom", shortened(w))),
-            Ok,
-        )).collect()
+        words
+            .iter()
+            .take(16)
+            .map(|w| {
+                freedom(w).map_or_else(|| self.fail(line, format!("{:?} is not a degree of freedom", shortened(w))), Ok)
+            })
+            .collect()
     }
 
     fn bone(&self, line: usize, draft: Draft, parent: Option<usize>) -> Result<Bone> {
@@ -138,7 +141,9 @@ pub(super) fn parse(text: &str, path: &Path) -> Result<Bones> {
             continue;
         }
         match (section.as_str(), first.to_ascii_lowercase().as_str()) {
-            ("units", "angle") => state.degrees = !rest.first().is_some_and(|w| w.to_ascii_lowercase().starts_with("rad")),
+            ("units", "angle") => {
+                state.degrees = !rest.first().is_some_and(|w| w.to_ascii_lowercase().starts_with("rad"))
+            }
             ("root", key) => {
                 root_line = line;
                 match key {

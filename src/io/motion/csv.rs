@@ -78,7 +78,12 @@ pub(super) fn parse(text: &str, path: &Path) -> Result<Motion> {
         let cells = cells(text, *separator);
         if cells.len() > columns.count && cells[columns.count..].iter().any(|c| !c.is_empty()) {
             let what = format!("{} cells where the header has {}", cells.len(), columns.count);
-            return Err(Error::format(path, Some(line), what, "Correct the row; numbers need a decimal point, not a comma"));
+            return Err(Error::format(
+                path,
+                Some(line),
+                what,
+                "Correct the row; numbers need a decimal point, not a comma",
+            ));
         }
         let number = |column: Option<usize>| -> Result<Option<f64>> {
             let Some(cell) = column.and_then(|c| cells.get(c)).filter(|c| !c.is_empty()) else { return Ok(None) };
@@ -114,7 +119,12 @@ pub(super) fn parse(text: &str, path: &Path) -> Result<Motion> {
         rows.push(Row { line, frame, time, points });
     }
     if header.is_none() {
-        return Err(Error::format(path, None, "there is no header", "Begin with a line such as time,LKNE.x,LKNE.y,LKNE.z"));
+        return Err(Error::format(
+            path,
+            None,
+            "there is no header",
+            "Begin with a line such as time,LKNE.x,LKNE.y,LKNE.z",
+        ));
     }
     let long = matches!(&header, Some((_, Columns { form: Form::Long(..), .. })));
     assemble(path, names, rows, long, rate, metres)
@@ -142,7 +152,8 @@ impl Columns {
         for (column, title) in header.iter().enumerate() {
             let Some(axis) = lower[column].chars().last().and_then(|c| "xyz".find(c)) else { continue };
             let stem = title[..title.len() - 1].trim_end();
-            let Some(name) = stem.strip_suffix(['.', '_', ':', '-', '/']).or((stem.len() + 1 < title.len()).then_some(stem))
+            let Some(name) =
+                stem.strip_suffix(['.', '_', ':', '-', '/']).or((stem.len() + 1 < title.len()).then_some(stem))
             else {
                 continue;
             };

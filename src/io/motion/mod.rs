@@ -237,7 +237,8 @@ fn distinct(names: Vec<String>, notes: &mut Notes) -> Vec<String> {
     let mut named = |(k, name): (usize, String)| {
         let mut name = if name.trim().is_empty() { format!("point {k}") } else { name.trim().to_owned() };
         if taken.contains(&name) {
-            let what = format!("the name {:?} is there more than once; later ones carry their number", shortened(&name));
+            let what =
+                format!("the name {:?} is there more than once; later ones carry their number", shortened(&name));
             notes.say(what);
             while taken.contains(&name) {
                 name = format!("{name} ({k})");

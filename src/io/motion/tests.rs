@@ -249,7 +249,9 @@ fn bvh_faults_are_named() {
     let more = bvh::parse(&format!("{BVH} 1 2 3"), Path::new("a.bvh")).unwrap();
     assert!(more.warnings[0].contains("left out"));
     // Position channels of other joints hold the whole offset.
-    let moved = BVH.replace("CHANNELS 3 Zrotation Xrotation", "CHANNELS 3 Xposition Xrotation").replace(" 90 0 45\n", " 4 0 0\n");
+    let moved = BVH
+        .replace("CHANNELS 3 Zrotation Xrotation", "CHANNELS 3 Xposition Xrotation")
+        .replace(" 90 0 45\n", " 4 0 0\n");
     let motion = bvh::parse(&moved, Path::new("a.bvh")).unwrap();
     assert!(close(motion.skeleton.unwrap().rest[1], [2.0, 0.0, 5.0]));
     assert!(close(motion.frames[2][1].unwrap(), [4.0, 0.0, 5.0]));
@@ -264,7 +266,8 @@ pub(super) const AMC: &str = "# made by hand\n:FULLY-SPECIFIED\n:DEGREES\n1\nroo
 #[test]
 fn acclaim_moves_as_computed_by_hand() {
     let read = |asf: &str, amc: &str| {
-        acclaim_skeleton::parse(asf, Path::new("a.asf")).and_then(|bones| acclaim::parse(amc, Path::new("a.amc"), bones))
+        acclaim_skeleton::parse(asf, Path::new("a.asf"))
+            .and_then(|bones| acclaim::parse(amc, Path::new("a.amc"), bones))
     };
     let motion = read(ASF, AMC).unwrap();
     let at = |f: usize, name: &str| motion.frames[f][motion.index_of(name).unwrap()].unwrap();
@@ -352,7 +355,12 @@ fn the_shared_clips_are_plausible() {
         let motion = read_motion(folder.join(name)).unwrap();
         let valid = motion.frames.iter().flatten().flatten().count() as f64;
         let share = valid / (motion.frames.len() * motion.point_count()) as f64;
-        println!("{name}: {} frames, {} points, {share:.3} valid; {:?}", motion.frames.len(), motion.point_count(), motion.warnings);
+        println!(
+            "{name}: {} frames, {} points, {share:.3} valid; {:?}",
+            motion.frames.len(),
+            motion.point_count(),
+            motion.warnings
+        );
         assert!(points == 0 || motion.point_count() == points, "{name}: {}", motion.point_count());
         assert!(frames == 0 || motion.frames.len() == frames, "{name}: {}", motion.frames.len());
         assert!((motion.rate - rate).abs() < 0.01 && motion.metres_per_unit == metres, "{name}: {}", motion.rate);

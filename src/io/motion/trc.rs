@@ -30,7 +30,10 @@ pub(super) fn parse(text: &str, path: &Path) -> Result<Motion> {
     let (_, keys) = lines.next().ok_or_else(|| cut(2, "the line of keys"))?;
     let (_, values) = lines.next().ok_or_else(|| cut(3, "the line of values"))?;
     let header = |key: &str| {
-        keys.split_whitespace().zip(values.split_whitespace()).find(|(k, _)| k.eq_ignore_ascii_case(key)).map(|(_, v)| v)
+        keys.split_whitespace()
+            .zip(values.split_whitespace())
+            .find(|(k, _)| k.eq_ignore_ascii_case(key))
+            .map(|(_, v)| v)
     };
     let number = |key| header(key).and_then(|v| v.parse::<f64>().ok());
 

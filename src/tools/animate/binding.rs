@@ -54,12 +54,7 @@ impl Binding {
     /// # Errors
     /// [`Error::Input`] for names the clip does not have, vertices the mesh does not have, a point with a gap in the reference frame, or fewer than
     /// three points at different places, which leave the fit open.
-    pub fn given(
-        motion: &Motion,
-        mesh: &Mesh,
-        places: &[(String, MarkerPlace)],
-        reference: Reference,
-    ) -> Result<Self> {
+    pub fn given(motion: &Motion, mesh: &Mesh, places: &[(String, MarkerPlace)], reference: Reference) -> Result<Self> {
         let mut bonds: Vec<Bond> = Vec::new();
         let mut pairs = Vec::new();
         for (name, place) in places {
@@ -72,7 +67,8 @@ impl Binding {
             let mut mean = DVec3::ZERO;
             for &vertex in &vertices {
                 let Some(p) = mesh.positions.get(vertex as usize) else {
-                    let what = format!("marker {name} names vertex {vertex}, {} has {}", mesh.name, mesh.vertex_count());
+                    let what =
+                        format!("marker {name} names vertex {vertex}, {} has {}", mesh.name, mesh.vertex_count());
                     return Err(Error::input(what, "Vertex indices count from 0, in the order of the file"));
                 };
                 if let Some(other) = bonds.iter().find(|b| b.vertex == vertex) {
@@ -96,7 +92,13 @@ impl Binding {
     ///
     /// # Errors
     /// [`Error::Input`] for a point with a gap in the reference frame.
-    pub fn fitted(motion: &Motion, mesh: &Mesh, bonds: Vec<Bond>, fit: Similarity, reference: Reference) -> Result<Self> {
+    pub fn fitted(
+        motion: &Motion,
+        mesh: &Mesh,
+        bonds: Vec<Bond>,
+        fit: Similarity,
+        reference: Reference,
+    ) -> Result<Self> {
         let mut residuals = Vec::with_capacity(bonds.len());
         for bond in &bonds {
             let at = fit.apply(reference_point(motion, reference, bond.point)?);

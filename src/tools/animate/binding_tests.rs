@@ -6,7 +6,20 @@ use crate::io::motion::Skeleton;
 /// A box of vertices, and a clip of its corners: scaled, turned to z up, walking and turning.
 fn boxed() -> (Mesh, Motion, Similarity) {
     let corner = |k: usize| DVec3::new((k & 1) as f64, 2.0 * (k >> 1 & 1) as f64, 0.5 * (k >> 2) as f64);
-    let triangles = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]];
+    let triangles = [
+        [0, 1, 3],
+        [0, 3, 2],
+        [4, 6, 7],
+        [4, 7, 5],
+        [0, 4, 5],
+        [0, 5, 1],
+        [2, 3, 7],
+        [2, 7, 6],
+        [0, 2, 6],
+        [0, 6, 4],
+        [1, 5, 7],
+        [1, 7, 3],
+    ];
     let mesh = Mesh::from_triangles("box", (0..8).map(corner).collect(), &triangles);
     let to_clip = Similarity {
         rotation: DMat3::from_rotation_x(std::f64::consts::FRAC_PI_2),
@@ -50,7 +63,12 @@ fn bent(mesh: &Mesh, bonds: &[Bond], frame: &[DVec3]) -> f64 {
 #[test]
 fn a_rigid_clip_moves_the_vertices_rigidly() {
     let (mesh, motion, to_clip) = boxed();
-    let given = places(&[("M0", one(0)), ("M3", one(3)), ("M5", one(5)), ("M6", MarkerPlace::Position(DVec3::new(0.1, 2.1, 0.4)))]);
+    let given = places(&[
+        ("M0", one(0)),
+        ("M3", one(3)),
+        ("M5", one(5)),
+        ("M6", MarkerPlace::Position(DVec3::new(0.1, 2.1, 0.4))),
+    ]);
     let binding = Binding::given(&motion, &mesh, &given, Reference::Frame(0)).unwrap();
     assert!((binding.fit.scale * to_clip.scale - 1.0).abs() < 1e-9 && binding.rms() < 1e-9, "{binding:?}");
     assert_eq!(binding.bonds[3].vertex, 6);
@@ -97,16 +115,21 @@ fn vertices_of_one_joint_turn_with_it() {
     let rest = vec![DVec3::ZERO, DVec3::X, DVec3::Y];
     motion.names = ["a", "b", "c"].map(str::to_owned).to_vec();
     motion.frames = vec![rest.iter().map(|p| Some(*p)).collect(); 4];
-    let rotations = (0..4).map(|f| vec![DQuat::from_rotation_x(0.5 * f as f64), DQuat::IDENTITY, DQuat::IDENTITY]).collect();
+    let rotations =
+        (0..4).map(|f| vec![DQuat::from_rotation_x(0.5 * f as f64), DQuat::IDENTITY, DQuat::IDENTITY]).collect();
     motion.skeleton = Some(Skeleton { segments: Vec::new(), rest: rest.clone(), rotations });
     let given = places(&[("a", MarkerPlace::Vertices(vec![2, 3, 4])), ("b", one(1)), ("c", one(6))]);
     let binding = Binding::given(&motion, &mesh, &given, Reference::Rest).unwrap();
     let tracks = vec![rest; 4];
     let frames = binding.trajectories(&motion, &motion, &mesh, &tracks).unwrap();
-    let of = |joint: usize| binding.bonds.iter().enumerate().filter(move |(_, b)| b.point == joint).map(|(k, _)| k).collect::<Vec<_>>();
+    let of = |joint: usize| {
+        binding.bonds.iter().enumerate().filter(move |(_, b)| b.point == joint).map(|(k, _)| k).collect::<Vec<_>>()
+    };
     for k in of(0) {
         assert!(frames[3][k].distance(frames[0][k]) > 0.1);
-        assert!((frames[3][k].distance(frames[3][of(0)[0]]) - frames[0][k].distance(frames[0][of(0)[0]])).abs() < 1e-12);
+        assert!(
+            (frames[3][k].distance(frames[3][of(0)[0]]) - frames[0][k].distance(frames[0][of(0)[0]])).abs() < 1e-12
+        );
     }
     for k in of(1).into_iter().chain(of(2)) {
         assert_eq!(frames[3][k], frames[0][k]);

@@ -45,7 +45,8 @@ impl FrameFolder {
             return Err(failed(io::Error::new(io::ErrorKind::AlreadyExists, "the folder is not empty")));
         }
         let parent = place.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let building = tempfile::Builder::new().prefix(".frames.").suffix(".partial").tempdir_in(parent).map_err(failed)?;
+        let building =
+            tempfile::Builder::new().prefix(".frames.").suffix(".partial").tempdir_in(parent).map_err(failed)?;
         let digits = count.saturating_sub(1).max(1).to_string().len().max(4);
         Ok(Self { place, building, format, digits, written: 0 })
     }

@@ -59,7 +59,11 @@ pub struct GapReport {
 ///
 /// # Errors
 /// [`Error::Input`] naming a marker that has no position in any frame.
-pub fn close_gaps(motion: &Motion, points: &[usize], options: &GapOptions) -> Result<(Vec<Vec<DVec3>>, Vec<GapReport>)> {
+pub fn close_gaps(
+    motion: &Motion,
+    points: &[usize],
+    options: &GapOptions,
+) -> Result<(Vec<Vec<DVec3>>, Vec<GapReport>)> {
     let count = motion.frames.len();
     let measured: Vec<Vec<Option<DVec3>>> =
         points.iter().map(|&p| motion.frames.iter().map(|frame| frame[p]).collect()).collect();
@@ -71,7 +75,10 @@ pub fn close_gaps(motion: &Motion, points: &[usize], options: &GapOptions) -> Re
         let name = &motion.names[points[k]];
         if measured[k].iter().all(Option::is_none) {
             let what = format!("{}: marker {name} has no position in any of the {count} frames", motion.path.display());
-            return Err(Error::input(what, "Leave it out of the binding, or choose a part of the clip where it is seen"));
+            return Err(Error::input(
+                what,
+                "Leave it out of the binding, or choose a part of the clip where it is seen",
+            ));
         }
         let mut report = GapReport { name: name.clone(), interpolated: 0, released: 0, longest: 0 };
         for gap in gaps(&measured[k]) {
@@ -136,8 +143,8 @@ fn interpolate(measured: &[Option<DVec3>], track: &mut [Option<DVec3>], gap: Gap
             Interpolation::Linear => a.lerp(b, t),
             Interpolation::Cubic => {
                 let s = 1.0 - t;
-                a * (s * s * (1.0 + 2.0 * t)) + b * (t * t * (1.0 + 2.0 * s))
-                    + before * (length * t * s * s) - after * (length * t * t * s)
+                a * (s * s * (1.0 + 2.0 * t)) + b * (t * t * (1.0 + 2.0 * s)) + before * (length * t * s * s)
+                    - after * (length * t * t * s)
             }
         });
     }

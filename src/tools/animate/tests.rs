@@ -23,7 +23,8 @@ fn rolling(mesh: &Mesh) -> Motion {
 }
 
 fn bound(motion: &Motion, mesh: &Mesh) -> Binding {
-    let bonds = [0u32, 40, 77, 123, 160, 200].iter().enumerate().map(|(point, &vertex)| Bond { vertex, point }).collect();
+    let bonds =
+        [0u32, 40, 77, 123, 160, 200].iter().enumerate().map(|(point, &vertex)| Bond { vertex, point }).collect();
     Binding::fitted(motion, mesh, bonds, Similarity::IDENTITY, Reference::Frame(0)).unwrap()
 }
 
@@ -33,11 +34,20 @@ fn a_rigid_clip_moves_the_mesh_rigidly_and_standing_still_is_still() {
     let motion = rolling(&mesh);
     let binding = bound(&motion, &mesh);
     let mut shapes = Vec::new();
-    let report = animate(&mesh, &motion, &motion, &binding, &AnimateOptions::default(), &Cache::disabled(), &Quiet, |f, shape| {
-        assert_eq!(f, shapes.len());
-        shapes.push(shape.positions);
-        Ok(())
-    })
+    let report = animate(
+        &mesh,
+        &motion,
+        &motion,
+        &binding,
+        &AnimateOptions::default(),
+        &Cache::disabled(),
+        &Quiet,
+        |f, shape| {
+            assert_eq!(f, shapes.len());
+            shapes.push(shape.positions);
+            Ok(())
+        },
+    )
     .unwrap();
     assert_eq!((shapes.len(), report.iterations.len(), report.gaps.len()), (10, 10, 0));
     for (shape, frame) in shapes.iter().zip(&motion.frames) {
@@ -60,6 +70,15 @@ fn the_receiver_can_end_the_work() {
         seen = f;
         if f == 2 { Err(crate::Error::input("stop", "now")) } else { Ok(()) }
     };
-    let result = animate(&mesh, &motion, &motion, &bound(&motion, &mesh), &AnimateOptions::default(), &Cache::disabled(), &Quiet, stop);
+    let result = animate(
+        &mesh,
+        &motion,
+        &motion,
+        &bound(&motion, &mesh),
+        &AnimateOptions::default(),
+        &Cache::disabled(),
+        &Quiet,
+        stop,
+    );
     assert!(result.is_err() && seen == 2);
 }
