@@ -11,7 +11,7 @@ use barymap::engine::{LaneScalar, Lanes, Real, TILE};
 use barymap::geometry::Topology;
 use barymap::models::shapes::lobed_sphere;
 use barymap::surface::average::{
-    AnchorTable, AveragedChunk, SweepAnchors, average_fused, average_tiles, frame_tiles, orthonormalise, weights,
+    AnchorTable, AveragedChunk, FusedWeights, SweepAnchors, average_tiles, frame_tiles, orthonormalise, weights,
 };
 use barymap::surface::{PackedPoint, PhongSurface};
 use rayon::prelude::*;
@@ -52,27 +52,18 @@ fn scene<E: Real>(anchors: usize, texels: usize) -> (AnchorTable<E, D>, Vec<E>) 
     (table, input)
 }
 
-fn lanes<E: LaneScalar>(
-    start: Instant,
-    lanes: Lanes,
-    anchors: usize,
-    texels: usize,
-    sets: usize,
-    negative: bool,
-) -> f64 {
+fn lanes<E: LaneScalar>(start: Instant, lanes: Lanes, anchors: usize, texels: usize, sets: usize) -> f64 {
     let (table, input) = scene::<E>(anchors, texels);
     let tiles = input.len() / (3 * D * TILE);
     let mut mean = vec![E::ZERO; tiles * sets * D * TILE];
-    let mut sums = vec![E::ZERO; tiles * TILE];
     let images = [table.image.as_slice(), table.own.as_slice()];
     time(start, texels, 5, || {
-        mean.par_chunks_mut(TASK * sets * D * TILE)
-            .zip(sums.par_chunks_mut(TASK * TILE))
-            .zip(input.par_chunks(TASK * 3 * D * TILE))
-            .for_each(|((mean, sums), input)| {
+        mean.par_chunks_mut(TASK * sets * D * TILE).zip(input.par_chunks(TASK * 3 * D * TILE)).for_each(
+            |(mean, input)| {
                 let anchors = SweepAnchors { own: &table.own, images: &images[..sets], transport: None };
-                average_tiles(lanes, anchors, input, mean, negative.then_some(sums));
-            });
+                average_tiles(lanes, anchors, input, mean);
+            },
+        );
     })
 }
 
@@ -88,7 +79,7 @@ fn scalar<E: Real>(start: Instant, anchors: usize, texels: usize, fused: bool) -
                 let row = |r: usize| -> [E; D] { std::array::from_fn(|k| input[at + (r * D + k) * TILE]) };
                 let (y, basis) = (row(0), [row(1), row(2)]);
                 if fused {
-                    *mean = average_fused(&y, &basis, &table, E::of(0.04)).mean;
+                    *mean = FusedWeights::solve(&y, &basis, &table.own, E::of(0.04)).average(&table.image);
                 } else {
                     weights(&y, &basis, &table.own, &mut w);
                     *mean = [E::ZERO; D];
@@ -163,12 +154,12 @@ fn main() {
         println!("n = {anchors}");
         let row = |name: &str, ns: f64| println!("  {name:<44} {ns:8.1}  ({:.2} x)", truth / ns);
         row("f64 scalar, weights then average", truth);
-        row("f64 scalar, one pass", scalar::<f64>(start, anchors, few, true));
-        row("f32 scalar, one pass", scalar::<f32>(start, anchors, few, true));
-        row("f32 sweep, scalar instance", lanes::<f32>(start, Lanes::scalar(), anchors, few, 1, false));
-        row("f64 lanes", lanes::<f64>(start, detected, anchors, texels, 1, false));
-        row("f32 lanes", lanes::<f32>(start, detected, anchors, texels, 1, false));
-        row("f32 lanes, two images, negative weights", lanes::<f32>(start, detected, anchors, texels, 2, true));
+        row("f64 scalar, fused", scalar::<f64>(start, anchors, few, true));
+        row("f32 scalar, fused", scalar::<f32>(start, anchors, few, true));
+        row("f32 sweep, scalar instance", lanes::<f32>(start, Lanes::scalar(), anchors, few, 1));
+        row("f64 lanes", lanes::<f64>(start, detected, anchors, texels, 1));
+        row("f32 lanes", lanes::<f32>(start, detected, anchors, texels, 1));
+        row("f32 lanes, two images", lanes::<f32>(start, detected, anchors, texels, 2));
     }
     println!("from points of a surface, f32 lanes, n = 93");
     for (name, run) in [("8 texels in a row on each face", 8), ("every texel on another face", 1)] {

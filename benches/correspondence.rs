@@ -90,11 +90,11 @@ fn table_row(name: &str, surface: &Surface) -> Result<()> {
 
 /// Inverse problem and average alone, in lanes: of the source's anchors, or of the target's own too.
 fn average<E: LaneScalar>(map: &WeightedAverages<E, D>, points: &[PackedPoint], lists: usize) -> Result<Spent> {
-    let images = [map.table.image.as_slice(), map.own.own.as_slice()];
+    let images = [map.table.image.as_slice(), map.table.own.as_slice()];
     best(ROUNDS, || {
         points.par_chunks(TASK).for_each_init(AveragedChunk::<E, D>::new, |chunk, points| {
             let transport = map.transport.as_ref();
-            let anchors = SweepAnchors { own: &map.own.own, images: &images[..lists], transport };
+            let anchors = SweepAnchors { own: &map.table.own, images: &images[..lists], transport };
             chunk.compute(Lanes::detect(), &map.target, anchors, points);
         });
         Ok(())
@@ -136,18 +136,15 @@ fn kernels(gpu: &Gpu, map: &WeightedAverages<f32, D>, points: &[PackedPoint], fi
     let corrections = gpu.table("corrections", &corrections)?;
     let block: Vec<[f32; D]> = map.table.own.iter().zip(&map.table.image).flat_map(|(a, b)| [*a, *b]).collect();
     let anchors = gpu.uniform_blocks("anchors", &block)?;
-    // In the order of the kernel's own struct: anchors, transported, scale, corrected, the rows of Q.
-    let mut words = vec![map.table.own.len() as u32, u32::from(map.transport.is_some())];
-    words.extend([16f32.to_bits(), u32::from(!map.corrections.is_empty())]);
-    words.extend(map.transport.unwrap_or_default().iter().flatten().map(|x| x.to_bits()));
-    let average_params: AverageParams = bytemuck::pod_read_unaligned(bytemuck::cast_slice(&words));
     let limits = SearchLimits::FIRST;
     let most = u64::from(source.most_stops) + 1;
     let vertex_steps = (u64::from(gpu.capabilities().loop_budget) / 2 / most).min(u64::from(limits.vertex_steps));
     let project_params: ProjectParams =
         bytemuck::cast([6, 0, 0, vertex_steps as u32, limits.triangle_steps, 0u32, 0, 0]);
-    let (average_params, project_params) =
-        (gpu.uniform("average parameters", &average_params)?, gpu.uniform("projection parameters", &project_params)?);
+    let (average_params, project_params) = (
+        gpu.uniform("average parameters", &AverageParams::new(map, 0))?,
+        gpu.uniform("projection parameters", &project_params)?,
+    );
 
     let input = gpu.upload("points", points)?;
     let averages: Buffer<[f32; D]> = gpu.buffer("averages", 3 * n)?;

@@ -1,22 +1,26 @@
-// Inverse problem on the target fused with the weighted averages, one pass over the anchors (paper, section 3.4 and
-// eq. 13). Reference and explanation: surface::average::fused; what differs is said below.
+// Inverse problem on the target and weighted averages (paper, section 3.4 and eq. 13), with two passes over the anchors and
+// nothing stored per anchor. Reference and explanation: surface::average::fused.
 //
-// The anchor that is eliminated is the nearest one in R^8, found by a first, short pass, so that the sums are those of
-// K = p - p_k from the start and nothing has to be held back. The answer does not depend on which of the near
-// anchors is eliminated; only its digits would, with one that is far.
+// One uniform block holds 256 anchors. With more, the passes are cut into one dispatch per block, between which the sums
+// and then the averages of each point wait where its results will be.
 
 //#import lib/span
 //#import lib/frame
 
 struct AverageParams {
-    // Anchors in the block.
+    // Anchors in the block, and before it.
     anchors: u32,
+    first: u32,
+    // Whether no block follows.
+    last: u32,
     // Whether `transport` is added.
     transported: u32,
     // Squared length that keeps the sums in range; correspondence::AVERAGE_SCALE.
     scale: f32,
     // Whether `corrections` are added.
     corrected: u32,
+    unused0: u32,
+    unused1: u32,
     // Rows of Q, each in two halves.
     transport: array<vec4f, 16>,
 }
@@ -45,21 +49,23 @@ const ITEMS: u32 = 2u;
 const OUT: u32 = 6u;
 // Whether the target's own anchors are averaged too, for corrections and for the round trip.
 override OWN: bool = true;
+// Which part of the work a dispatch does.
+const WHOLE: u32 = 0u;
+const SUMS: u32 = 1u;
+const AVERAGES: u32 = 2u;
+override PART: u32 = WHOLE;
 const CORRECTION_TEXELS: u32 = 3u;
 
+// The anchor with the smallest D so far, and the sums over the others of q times powers of K = p - p_k.
 struct Sums {
     k: u32,
-    pk: vec2f,
     dk: f32,
+    pk: vec2f,
     s0: f32,
     s1: vec2f,
     s2: vec3f,
-    z0: Vec8,
-    zx: Vec8,
-    zy: Vec8,
-    o0: Vec8,
-    ox: Vec8,
-    oy: Vec8,
+    // What shifts took away from s2.
+    shifted: f32,
 }
 
 fn own(i: u32) -> Vec8 {
@@ -78,40 +84,64 @@ fn offset(f: Frame, anchor: Vec8) -> vec3f {
     return vec3f(p, within + GAMMA * max(dot8(v, v) - within, 0.0));
 }
 
-fn begin(f: Frame, k: u32) -> Sums {
-    var s = Sums();
-    s.k = k;
-    let o = offset(f, own(k));
-    s.pk = o.xy;
-    s.dk = o.z;
-    return s;
-}
-
 fn add8(sum: Vec8, q: f32, v: Vec8) -> Vec8 {
     return Vec8(sum.lo + q * v.lo, sum.hi + q * v.hi);
 }
 
-fn push(s: ptr<function, Sums>, f: Frame, j: u32, a: Vec8, b: Vec8) {
+fn weight_factor(d: f32) -> f32 {
+    let ratio = params.scale / max(d, params.scale * FLOOR);
+    return ratio * ratio;
+}
+
+fn push(s: ptr<function, Sums>, f: Frame, j: u32, a: Vec8) {
     let o = offset(f, a);
-    let ratio = params.scale / max(o.z, params.scale * FLOOR);
-    let q = select(ratio * ratio, 0.0, j == (*s).k);
     let p = o.xy - (*s).pk;
-    let qp = q * p;
+    let nearer = o.z < (*s).dk;
+    // Where the newcomer is nearer it becomes the origin of K, and the one before is pushed.
+    let by = select(vec2f(), p, nearer);
+    let q = weight_factor(max(o.z, (*s).dk));
+    let k = select(p, -p, nearer);
+    let s1 = (*s).s1 - (*s).s0 * by;
+    let sum = (*s).s1 + s1;
+    (*s).shifted += (*s).s0 * dot(by, by);
+    (*s).k = select((*s).k, j, nearer);
+    (*s).dk = min((*s).dk, o.z);
+    (*s).pk += by;
+    let qk = q * k;
     (*s).s0 += q;
-    (*s).s1 += qp;
-    (*s).s2 += vec3f(qp.x * p.x, qp.x * p.y, qp.y * p.y);
-    (*s).z0 = add8((*s).z0, q, b);
-    (*s).zx = add8((*s).zx, qp.x, b);
-    (*s).zy = add8((*s).zy, qp.y, b);
+    (*s).s2 += vec3f(
+        qk.x * k.x - by.x * sum.x,
+        qk.x * k.y - (by.y * (*s).s1.x + by.x * s1.y),
+        qk.y * k.y - by.y * sum.y,
+    );
+    (*s).s1 = s1 + qk;
+}
+
+// w_j = q_j (K_j . mu + t), but w_k = rest; and the averages.
+struct Means {
+    k: u32,
+    rest: f32,
+    t: f32,
+    pk: vec2f,
+    mu: vec2f,
+    image: Vec8,
+    own: Vec8,
+}
+
+fn gather(r: ptr<function, Means>, f: Frame, j: u32, a: Vec8, b: Vec8) {
+    let o = offset(f, a);
+    let w = select(weight_factor(o.z) * (dot(o.xy - (*r).pk, (*r).mu) + (*r).t), (*r).rest, j == (*r).k);
+    (*r).image = add8((*r).image, w, b);
     if OWN {
-        (*s).o0 = add8((*s).o0, q, a);
-        (*s).ox = add8((*s).ox, qp.x, a);
-        (*s).oy = add8((*s).oy, qp.y, a);
+        (*r).own = add8((*r).own, w, a);
     }
 }
 
-// mu and t; average::solve::Multipliers.
-fn multipliers(s: Sums) -> vec3f {
+// average::solve::Multipliers.
+fn weigh(s: Sums) -> Means {
+    var r = Means();
+    r.k = s.k;
+    r.pk = s.pk;
     let ratio = s.dk / params.scale;
     let a = ratio * ratio;
     let rho = a / (1.0 + a * s.s0);
@@ -119,18 +149,20 @@ fn multipliers(s: Sums) -> vec3f {
     let rhs = -s.pk - rs;
     let m = s.s2 - vec3f(rs.x * s.s1.x, rs.x * s.s1.y, rs.y * s.s1.y);
     let trace = m.x + m.z;
-    let noise = RANK_LIMIT * max(s.s2.x + s.s2.z, trace);
-    if trace <= max(noise, 1e-30) {
-        return vec3f(0.0, 0.0, rho);
+    let noise = RANK_LIMIT * max(s.s2.x + s.s2.z + s.shifted, trace);
+    r.t = rho;
+    if trace > max(noise, 1e-30) {
+        let scale = 1.0 / trace;
+        let n = m * scale;
+        let determinant = n.x * n.z - n.y * n.y;
+        r.mu = vec2f(n.x * rhs.x + n.y * rhs.y, n.y * rhs.x + n.z * rhs.y) * scale;
+        if determinant > noise * scale {
+            r.mu = vec2f(n.z * rhs.x - n.y * rhs.y, n.x * rhs.y - n.y * rhs.x) * (scale / determinant);
+        }
+        r.t = rho * (1.0 - dot(s.s1, r.mu));
     }
-    let scale = 1.0 / trace;
-    let n = m * scale;
-    let determinant = n.x * n.z - n.y * n.y;
-    var mu = vec2f(n.x * rhs.x + n.y * rhs.y, n.y * rhs.x + n.z * rhs.y) * scale;
-    if determinant > noise * scale {
-        mu = vec2f(n.z * rhs.x - n.y * rhs.y, n.x * rhs.y - n.y * rhs.x) * (scale / determinant);
-    }
-    return vec3f(mu, rho * (1.0 - s.s1.x * mu.x - s.s1.y * mu.y));
+    r.rest = 1.0 - (dot(r.mu, s.s1) + r.t * s.s0);
+    return r;
 }
 
 fn transported(y: Vec8) -> Vec8 {
@@ -162,31 +194,21 @@ fn correction(x: vec3f, face: u32) -> Correction {
     return Correction(combine8(x, a, b, c), x.x * r.x + x.y * r.y + x.z * r.z);
 }
 
-fn finish(i: u32, f: Frame, s: Sums) {
-    let m = multipliers(s);
-    let rest = 1.0 - (m.x * s.s1.x + m.y * s.s1.y + m.z * s.s0);
-    let b = image(s.k);
+fn finish(i: u32, f: Frame, r: Means) {
     let q = transported(f.y);
     let o = i * OUT;
-    var mean = Vec8(
-        q.lo + (rest * b.lo + (m.x * s.zx.lo + m.y * s.zy.lo + m.z * s.z0.lo)),
-        q.hi + (rest * b.hi + (m.x * s.zx.hi + m.y * s.zy.hi + m.z * s.z0.hi)),
-    );
+    var mean = Vec8(q.lo + r.image.lo, q.hi + r.image.hi);
     if OWN {
-        let a = own(s.k);
-        let average = Vec8(
-            rest * a.lo + (m.x * s.ox.lo + m.y * s.oy.lo + m.z * s.o0.lo),
-            rest * a.hi + (m.x * s.ox.hi + m.y * s.oy.hi + m.z * s.o0.hi),
-        );
+        let average = r.own;
         averages[o + 2u] = average.lo;
         averages[o + 3u] = average.hi;
         averages[o + 4u] = f.y.lo;
         averages[o + 5u] = f.y.hi;
         if params.corrected != 0u {
-            let r = sub8(f.y, average);
+            let left = sub8(f.y, average);
             let c = correction(coordinates(i), points[3u * i]);
             if c.residual > 0.0 {
-                mean = add8(mean, min(sqrt(dot8(r, r)) / c.residual, 1.0), c.d);
+                mean = add8(mean, min(sqrt(dot8(left, left)) / c.residual, 1.0), c.d);
             }
         }
     }
@@ -204,6 +226,53 @@ fn point_frame(i: u32) -> Frame {
     return frame(vertices, triangles, points[3u * i], coordinates(i));
 }
 
+// Nothing but finite numbers is kept between dispatches: bit patterns of others may change on the way.
+fn keep_sums(i: u32, s: Sums) {
+    averages[i * OUT] = vec4f(s.dk, s.pk, f32(s.k));
+    averages[i * OUT + 1u] = vec4f(s.s0, s.s1, s.s2.x);
+    averages[i * OUT + 2u] = vec4f(s.s2.yz, s.shifted, 0.0);
+}
+
+fn sums(i: u32) -> Sums {
+    // The first comparison has no loser: with this D it has no weight.
+    var s = Sums();
+    s.dk = 3e38;
+    if PART == AVERAGES || (PART == SUMS && params.first != 0u) {
+        let a = averages[i * OUT];
+        let b = averages[i * OUT + 1u];
+        let c = averages[i * OUT + 2u];
+        s = Sums(u32(a.w), a.x, a.yz, b.x, b.yz, vec3f(b.w, c.xy), c.z);
+    }
+    return s;
+}
+
+fn keep_means(i: u32, r: Means) {
+    averages[i * OUT] = r.image.lo;
+    averages[i * OUT + 1u] = r.image.hi;
+    averages[i * OUT + 2u] = r.own.lo;
+    averages[i * OUT + 3u] = r.own.hi;
+    averages[i * OUT + 4u] = vec4f(f32(r.k), r.rest, r.t, 0.0);
+    averages[i * OUT + 5u] = vec4f(r.pk, r.mu);
+}
+
+fn means(i: u32, s: Sums) -> Means {
+    if PART == AVERAGES && params.first != 0u {
+        let at = i * OUT;
+        let m = averages[at + 4u];
+        let n = averages[at + 5u];
+        return Means(
+            u32(m.x),
+            m.y,
+            m.z,
+            n.xy,
+            n.zw,
+            Vec8(averages[at], averages[at + 1u]),
+            Vec8(averages[at + 2u], averages[at + 3u]),
+        );
+    }
+    return weigh(s);
+}
+
 @compute @workgroup_size(GROUP)
 fn main(@builtin(global_invocation_id) id: vec3u) {
     let first = span.first + invocation(span, id) * ITEMS;
@@ -214,29 +283,33 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let second = min(first + 1u, span.end - 1u);
     let f = point_frame(first);
     let g = point_frame(second);
-    var least_f = 3e38;
-    var least_g = 3e38;
-    var k_f = 0u;
-    var k_g = 0u;
-    for (var j = 0u; j < params.anchors; j++) {
-        let a = own(j);
-        let v = sub8(a, f.y);
-        let w = sub8(a, g.y);
-        let e = dot8(v, v);
-        let h = dot8(w, w);
-        k_f = select(k_f, j, e < least_f);
-        k_g = select(k_g, j, h < least_g);
-        least_f = min(least_f, e);
-        least_g = min(least_g, h);
+    var s = sums(first);
+    var t = sums(second);
+    if PART != AVERAGES {
+        for (var j = 0u; j < params.anchors; j++) {
+            let a = own(j);
+            push(&s, f, params.first + j, a);
+            push(&t, g, params.first + j, a);
+        }
     }
-    var s = begin(f, k_f);
-    var t = begin(g, k_g);
+    if PART == SUMS {
+        keep_sums(first, s);
+        keep_sums(second, t);
+        return;
+    }
+    var m = means(first, s);
+    var n = means(second, t);
     for (var j = 0u; j < params.anchors; j++) {
         let a = own(j);
         let b = image(j);
-        push(&s, f, j, a, b);
-        push(&t, g, j, a, b);
+        gather(&m, f, params.first + j, a, b);
+        gather(&n, g, params.first + j, a, b);
     }
-    finish(first, f, s);
-    finish(second, g, t);
+    if PART == AVERAGES && params.last == 0u {
+        keep_means(first, m);
+        keep_means(second, n);
+        return;
+    }
+    finish(first, f, m);
+    finish(second, g, n);
 }

@@ -3,7 +3,9 @@
 use std::time::Instant;
 
 use super::decode::split_level;
-use super::solver::{Method, StageSolver, Stop};
+use super::hierarchy::Stage;
+use super::solver::{Method, Solved, StageSolver, Stop};
+use super::springs::{Springs, slot_lengths};
 use super::sweeps::gauss_seidel;
 use super::{Hierarchy, V3};
 use crate::error::{Error, Result};
@@ -23,20 +25,30 @@ pub struct Quality {
     pub gradient_steps: usize,
     /// Sweeps of the paper's Gauss-Seidel over the whole mesh at the end.
     pub sweeps: usize,
+    /// Stiffness of the edges' lengths, 0 for plain encoding; 1 already keeps lengths well. The term is 1/2 stiffness sum L² (|e| - s L)² over the edges, L
+    /// being their rest length and s the scale of the start, about a shape of diagonal one.
+    pub stiffness: f64,
 }
 
 impl Quality {
     /// Vertex splits only: what the paper calls decoding without optimisation.
     pub const SPLITS: Self =
-        Self { direct: 0, direct_iterations: 0, decrease: 0.0, steps: 0, gradient_steps: 0, sweeps: 0 };
+        Self { direct: 0, direct_iterations: 0, decrease: 0.0, steps: 0, gradient_steps: 0, sweeps: 0, stiffness: 0.0 };
     /// The coarse stages alone are solved, for previews.
     pub const PREVIEW: Self = Self { direct: 1800, direct_iterations: 8, decrease: 1e-3, ..Self::SPLITS };
     /// Coarse stages converged, two inexact steps on each finer one.
     pub const DEFAULT: Self =
-        Self { direct: 7000, direct_iterations: 12, decrease: 1e-2, steps: 2, gradient_steps: 100, sweeps: 0 };
+        Self { direct: 7000, direct_iterations: 12, decrease: 1e-2, steps: 2, gradient_steps: 150, ..Self::SPLITS };
     /// The minimum of G, by direct solves up to 30,000 free vertices.
-    pub const CONVERGED: Self =
-        Self { direct: 30_000, direct_iterations: 60, decrease: 1e-6, steps: 20, gradient_steps: 1000, sweeps: 0 };
+    pub const CONVERGED: Self = Self {
+        direct: 30_000,
+        direct_iterations: 60,
+        decrease: 1e-6,
+        steps: 20,
+        gradient_steps: 1000,
+        sweeps: 0,
+        stiffness: 0.0,
+    };
 }
 
 /// What happened on one stage.
@@ -54,6 +66,19 @@ pub struct LevelReport {
     pub after: f64,
     /// Seconds of this stage.
     pub seconds: f64,
+}
+
+impl LevelReport {
+    fn new(free: usize, solved: &Solved, clock: Instant) -> Self {
+        Self {
+            free,
+            iterations: solved.iterations,
+            gradient_steps: solved.gradient_steps,
+            before: solved.before,
+            after: solved.after,
+            seconds: clock.elapsed().as_secs_f64(),
+        }
+    }
 }
 
 /// What a decode did.
@@ -79,6 +104,10 @@ pub struct Decoder {
     solvers: Vec<StageSolver>,
     /// The last held positions and all that followed from them.
     last: Option<Vec<V3<f64>>>,
+    /// The coefficients are not those of the last frame.
+    changed: bool,
+    /// Lengths of the slots' edges for the stiffness, a list a stage; empty for those at rest.
+    lengths: Vec<Vec<f64>>,
 }
 
 impl Decoder {
@@ -86,7 +115,7 @@ impl Decoder {
     pub fn new(hierarchy: Hierarchy, rest: &[V3<f64>]) -> Self {
         let rest = hierarchy.order.iter().map(|&v| rest[v as usize]).collect();
         let solvers = hierarchy.stages.iter().map(|_| StageSolver::default()).collect();
-        Self { hierarchy, rest, solvers, last: None }
+        Self { hierarchy, rest, solvers, last: None, changed: false, lengths: Vec::new() }
     }
 
     /// The hierarchy.
@@ -99,15 +128,24 @@ impl Decoder {
         &self.rest
     }
 
-    /// Forgets the frame before.
-    pub fn reset(&mut self) {
-        self.last = None;
+    /// Takes `positions` (in the hierarchy's numbering) for the frame before; `None` forgets it.
+    pub fn set_last(&mut self, positions: Option<Vec<V3<f64>>>) {
+        self.last = positions.filter(|p| p.len() == self.rest.len());
+    }
+
+    /// Changes the coefficients, for example to an average of several shapes' ([`super::Blend`]). Rings must stay as they are.
+    ///
+    /// `change` returns the lengths that a stiffness keeps instead of those at rest: a list a stage, one entry a slot; or nothing.
+    pub fn change_encoding(&mut self, change: impl FnOnce(&mut Hierarchy) -> Vec<Vec<f64>>) {
+        self.lengths = change(&mut self.hierarchy);
+        self.lengths.resize(if self.lengths.is_empty() { 0 } else { self.hierarchy.stages.len() }, Vec::new());
+        self.changed = true;
     }
 
     /// Positions of all vertices (in the hierarchy's numbering) for given positions of the held ones (in its order).
     ///
     /// `start` moves a free vertex of the base mesh to where it begins, given its number and rest position; a similarity of the held
-    /// vertices makes the result exact. With `warm`, and after an earlier frame of this decoder, coarse stages begin at that frame's
+    /// vertices makes the result exact. `scale` is its scale, which edges keep if the quality asks for it. With `warm`, and after an earlier frame of this decoder, coarse stages begin at that frame's
     /// positions; equal held positions give equal results, bit for bit.
     ///
     /// # Errors
@@ -116,6 +154,7 @@ impl Decoder {
         &mut self,
         held: &[V3<f64>],
         start: impl Fn(usize, V3<f64>) -> V3<f64>,
+        scale: f64,
         quality: &Quality,
         warm: bool,
     ) -> Result<(Vec<V3<f64>>, DecodeReport)> {
@@ -129,7 +168,8 @@ impl Decoder {
             return Err(Error::input(what, "Give numbers"));
         }
         let last = self.last.take().filter(|_| warm);
-        if let Some(last) = last.as_ref().filter(|l| l[..h.held] == *held) {
+        let changed = std::mem::take(&mut self.changed);
+        if let Some(last) = last.as_ref().filter(|l| !changed && l[..h.held] == *held) {
             let same = last.clone();
             self.last = Some(same.clone());
             return Ok((same, DecodeReport::default()));
@@ -156,27 +196,19 @@ impl Decoder {
                     }
                 }
             }
-            let stop = match method {
-                Method::Direct => Stop { iterations: quality.direct_iterations, decrease: quality.decrease },
-                Method::Gradients(_) => Stop { iterations: quality.steps, decrease: quality.decrease },
-            };
+            let stop = stop(method, quality);
             if stop.iterations > 0 {
+                let springs = springs(stage, self.lengths.get(k), &self.rest, scale, quality.stiffness);
                 let solved = self.solvers[k].minimise(
                     &stage.stencils,
                     &stage.encoding,
+                    springs.as_ref(),
                     h.held,
                     method,
                     stop,
                     &mut positions[..stage.vertices],
                 )?;
-                report.levels.push(LevelReport {
-                    free,
-                    iterations: solved.iterations,
-                    gradient_steps: solved.gradient_steps,
-                    before: solved.before,
-                    after: solved.after,
-                    seconds: clock.elapsed().as_secs_f64(),
-                });
+                report.levels.push(LevelReport::new(free, &solved, clock));
             }
             if k + 1 == h.stages.len() && quality.sweeps > 0 {
                 gauss_seidel(&stage.stencils, &stage.encoding, h.held, quality.sweeps, &mut positions);
@@ -191,4 +223,50 @@ impl Decoder {
         self.last = Some(positions.clone());
         Ok((positions, report))
     }
+
+    /// Minimises G on the whole mesh alone, from `positions` (in the hierarchy's numbering, held ones in place) to where it ends.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a wrong number of positions; [`Error::Numeric`] if a system could not be set up.
+    pub fn refine(&mut self, positions: &mut [V3<f64>], scale: f64, quality: &Quality) -> Result<LevelReport> {
+        let h = &self.hierarchy;
+        let (Some(stage), Some(solver)) = (h.stages.last(), self.solvers.last_mut()) else {
+            return Err(Error::input("the hierarchy is empty", "Make it from a mesh"));
+        };
+        if positions.len() != stage.vertices {
+            let what = format!("{} positions for {} vertices", positions.len(), stage.vertices);
+            return Err(Error::input(what, "Give one each, in the hierarchy's numbering"));
+        }
+        let clock = Instant::now();
+        let free = stage.vertices - h.held;
+        let method = method(free, quality);
+        let springs = springs(stage, self.lengths.last(), &self.rest, scale, quality.stiffness);
+        let stop = stop(method, quality);
+        let solved =
+            solver.minimise(&stage.stencils, &stage.encoding, springs.as_ref(), h.held, method, stop, positions)?;
+        Ok(LevelReport::new(free, &solved, clock))
+    }
+}
+
+/// The springs of a stage: over the lengths given for it, else over those at rest times the scale.
+fn springs(stage: &Stage, given: Option<&Vec<f64>>, rest: &[V3<f64>], scale: f64, stiffness: f64) -> Option<Springs> {
+    if !(stiffness > 0.0) {
+        return None;
+    }
+    match given {
+        Some(lengths) => Springs::new(lengths, stiffness, scale),
+        None => Springs::new(&slot_lengths(&stage.stencils, rest, scale), stiffness, scale),
+    }
+}
+
+fn method(free: usize, quality: &Quality) -> Method {
+    if free <= quality.direct { Method::Direct } else { Method::Gradients(quality.gradient_steps) }
+}
+
+fn stop(method: Method, quality: &Quality) -> Stop {
+    let iterations = match method {
+        Method::Direct => quality.direct_iterations,
+        Method::Gradients(_) => quality.steps,
+    };
+    Stop { iterations, decrease: quality.decrease }
 }

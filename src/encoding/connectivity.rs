@@ -47,12 +47,11 @@ impl Connectivity {
             let ring = topology.one_ring(v);
             if topology.vertex_triangles(v).is_empty() {
                 result.rings.push(Vec::new());
-            } else if ring.fan {
-                result.open[v as usize] = ring.boundary;
-                result.rings.push(ring.vertices);
             } else {
-                let (vertices, open) = largest_fan(topology, v);
-                result.irregular[v as usize] = true;
+                // Two triangles back to back are closed and have two neighbours: no ring to walk around either.
+                let regular = ring.fan && (ring.boundary || ring.vertices.len() > 2);
+                let (vertices, open) = if regular { (ring.vertices, ring.boundary) } else { largest_fan(topology, v) };
+                result.irregular[v as usize] = !regular;
                 result.open[v as usize] = open;
                 result.rings.push(vertices);
             }
@@ -61,11 +60,12 @@ impl Connectivity {
     }
 }
 
-/// The longest fan of triangles around `v`, and whether it is open.
+/// The longest fan of triangles around `v`, and whether it is open; at least one triangle.
 fn largest_fan(topology: &Topology, v: u32) -> (Vec<u32>, bool) {
     let around = topology.vertex_triangles(v);
     let mut taken = vec![false; around.len()];
-    let mut best: (Vec<u32>, bool) = (Vec::new(), true);
+    let lowest = topology.triangles[around[0] as usize];
+    let mut best: (Vec<u32>, bool) = (lowest.into_iter().filter(|&w| w != v).collect(), true);
     for first in 0..around.len() {
         if taken[first] {
             continue;
@@ -95,7 +95,7 @@ fn largest_fan(topology: &Topology, v: u32) -> (Vec<u32>, bool) {
         let c = topology.corner_of(around[first], v).unwrap_or(0);
         let (a, b) = (triangle[(c + 1) % 3], triangle[(c + 2) % 3]);
         let mut forward = vec![a];
-        let closed = walk(&mut taken, first, a, &mut forward);
+        let mut closed = walk(&mut taken, first, a, &mut forward);
         let mut ring = forward;
         if !closed {
             let mut backward = Vec::new();
@@ -105,6 +105,11 @@ fn largest_fan(topology: &Topology, v: u32) -> (Vec<u32>, bool) {
             backward.pop();
             backward.extend(ring);
             ring = backward;
+            if ring.len() > 3 && ring.first() == ring.last() {
+                // Both ends on one edge of many triangles: around the vertex the fan is closed.
+                ring.pop();
+                closed = true;
+            }
         }
         let mut distinct = ring.clone();
         distinct.sort_unstable();
@@ -129,10 +134,22 @@ mod tests {
         let c = rings(8, &[[0, 1, 2], [0, 4, 5], [0, 3, 4], [0, 5, 6]]);
         assert!(c.irregular[0] && c.open[0]);
         assert_eq!(c.rings[0], [3, 4, 5, 6]);
-        assert_eq!(c.rings[7], []);
+        assert!(c.rings[7].is_empty());
         // A closed fan beside an open one.
         let c = rings(7, &[[0, 1, 2], [0, 2, 3], [0, 3, 1], [0, 4, 5]]);
         assert!(c.irregular[0] && !c.open[0]);
         assert_eq!(c.rings[0], [1, 2, 3]);
+    }
+
+    #[test]
+    fn every_vertex_of_a_triangle_has_a_ring() {
+        // A tetrahedron with a flap of two triangles back to back on the edge 0-1.
+        let c = rings(5, &[[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2], [0, 1, 4], [1, 0, 4]]);
+        assert!(c.irregular[0] && c.irregular[1] && c.irregular[4] && !c.irregular[2]);
+        assert_eq!((c.rings[0].len(), c.open[0]), (3, false));
+        assert_eq!(c.rings[4].len(), 2);
+        // The same triangle three times.
+        let c = rings(3, &[[0, 1, 2]; 3]);
+        assert!(c.rings.iter().all(|r| r.len() == 2) && c.irregular.iter().all(|i| *i));
     }
 }

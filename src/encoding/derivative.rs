@@ -42,7 +42,7 @@ impl<R: Real> Linearisation<R> {
     pub fn new(stencils: &Stencils, encoding: &Encoding<R>, positions: &[V3<R>]) -> Self {
         let mut z = vec![zero(); stencils.neighbour.len()];
         let mut rows = vec![RowDerivative::default(); stencils.row_count()];
-        let mut parts: Vec<(&mut [RowDerivative<R>], &mut [V3<R>])> = Vec::new();
+        let mut parts = Vec::new();
         let (mut rest, mut begin) = (z.as_mut_slice(), 0);
         for (block, rows) in rows.chunks_mut(BLOCK).enumerate() {
             let end = stencils.start[block * BLOCK + rows.len()] as usize;
@@ -92,7 +92,7 @@ fn row_derivative<R: Real>(positions: &[V3<R>], ring: &[u32], w: &[R], b: &[R], 
         z[k] = scale(u, R::ZERO - wb);
         kappa += wb * over;
     }
-    kappa = kappa * R::of(REGULARISATION * REGULARISATION / ring.len() as f64);
+    kappa *= R::of(REGULARISATION * REGULARISATION / ring.len() as f64);
     for k in 0..ring.len() {
         let p = sub(positions[ring[k] as usize], origin);
         z[k] = add_scaled(z[k], sub(p, frame.mean), kappa);

@@ -6,6 +6,7 @@ use faer::sparse::linalg::cholesky::{SymbolicCholesky, SymmetricOrdering, factor
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
 use faer::{Conj, MatMut, Par, Side};
 
+use super::springs::{Stretch, outer};
 use super::{Stencils, V3};
 use crate::error::{Error, Result};
 
@@ -13,6 +14,8 @@ use crate::error::{Error, Result};
 pub(crate) struct DirectSolver {
     pattern: SymbolicSparseColMat<usize>,
     symbolic: SymbolicCholesky<usize>,
+    /// End of each row's slots.
+    row_end: Vec<u32>,
     /// For each row of the stencils its free members: number among the free, and slot or `OWN`.
     member_start: Vec<u32>,
     members: Vec<(u32, u32)>,
@@ -120,6 +123,7 @@ impl DirectSolver {
         Ok(Self {
             pattern,
             symbolic,
+            row_end: stencils.start[1..].to_vec(),
             member_start,
             members,
             pair_block,
@@ -132,9 +136,10 @@ impl DirectSolver {
         })
     }
 
-    /// Solves (H + damping diag H) x = gradient in place; `false` if the matrix is not numerically positive definite.
-    pub(crate) fn solve(&mut self, blocks: &[[f64; 9]], damping: f64, x: &mut [V3<f64>]) -> bool {
-        self.assemble(blocks);
+    /// Solves (H + damping diag H) x = gradient in place; `false` if the matrix is not numerically positive definite. `springs` has an
+    /// entry a slot, or none.
+    pub(crate) fn solve(&mut self, blocks: &[[f64; 9]], springs: &[Stretch], damping: f64, x: &mut [V3<f64>]) -> bool {
+        self.assemble(blocks, springs);
         for &block in &self.diagonal {
             for c in 0..3 {
                 let value = &mut self.values[self.block_at[block as usize][c] as usize + c];
@@ -161,11 +166,25 @@ impl DirectSolver {
         x.iter().flatten().all(|v| v.is_finite())
     }
 
-    fn assemble(&mut self, blocks: &[[f64; 9]]) {
+    fn assemble(&mut self, blocks: &[[f64; 9]], springs: &[Stretch]) {
         self.values.iter_mut().for_each(|v| *v = 0.0);
         let mut pair = 0;
+        let mut slot = 0;
         for row in 0..self.member_start.len() - 1 {
             let m = &self.members[self.member_start[row] as usize..self.member_start[row + 1] as usize];
+            let slots = slot..self.row_end[row] as usize;
+            slot = slots.end;
+            if let Some((v, OWN)) = m.first() {
+                // The row's own vertex is pulled by all its springs, also those to held neighbours.
+                let at = self.block_at[self.diagonal[*v as usize] as usize];
+                for s in springs.get(slots).into_iter().flatten() {
+                    for c in 0..3 {
+                        for r in c..3 {
+                            self.values[at[c] as usize + r] += s.direction[r] * s.direction[c];
+                        }
+                    }
+                }
+            }
             for (i, a) in m.iter().enumerate() {
                 for b in &m[..=i] {
                     // The block of the later vertex's rows and the earlier one's columns: A_highᵀ A_low.
@@ -178,11 +197,12 @@ impl DirectSolver {
                         for r in if diagonal { c } else { 0 }..3 {
                             let value = match (high.1, low.1) {
                                 (OWN, OWN) => f64::from(u8::from(r == c)),
-                                (OWN, s) => -blocks[s as usize][3 * r + c],
-                                (s, OWN) => -blocks[s as usize][3 * c + r],
+                                (OWN, s) => -blocks[s as usize][3 * r + c] - outer(springs, s, r, c),
+                                (s, OWN) => -blocks[s as usize][3 * c + r] - outer(springs, s, r, c),
                                 (s, t) => {
                                     let (p, q) = (&blocks[s as usize], &blocks[t as usize]);
-                                    p[r] * q[c] + p[3 + r] * q[3 + c] + p[6 + r] * q[6 + c]
+                                    let own = if s == t { outer(springs, s, r, c) } else { 0.0 };
+                                    p[r] * q[c] + p[3 + r] * q[3 + c] + p[6 + r] * q[6 + c] + own
                                 }
                             };
                             self.values[at[c] as usize + r] += value;

@@ -3,19 +3,14 @@
 use rayon::prelude::*;
 
 use super::decode::BLOCK;
-use super::vector::{add_scaled, dot};
+use super::springs::Stretch;
+use super::vector::{add_scaled, dot, sub};
 use super::{Stencils, V3};
 use crate::engine::Real;
 use crate::geometry::NONE;
 
 /// (I - dF)ᵀ y for the vertices from `held` on; the entries before are left as they are.
-pub(crate) fn apply_transpose(
-    stencils: &Stencils,
-    blocks: &[[f64; 9]],
-    y: &[V3<f64>],
-    held: usize,
-    x: &mut [V3<f64>],
-) {
+pub(crate) fn apply_transpose(stencils: &Stencils, blocks: &[[f64; 9]], y: &[V3<f64>], held: usize, x: &mut [V3<f64>]) {
     x[held..].par_chunks_mut(BLOCK).enumerate().for_each(|(block, part)| {
         for (v, out) in (held + block * BLOCK..).zip(part) {
             let own = stencils.row_of[v];
@@ -49,7 +44,7 @@ fn minus_transposed<R: Real>(a: V3<R>, b: &[R; 9], x: V3<R>) -> V3<R> {
 }
 
 /// Sum of products, in blocks: the same for any number of threads. CPU reference of the kernel `dot`.
-pub fn dot_product<R: Real>(a: &[V3<R>], b: &[V3<R>]) -> f64 {
+pub(super) fn dot_product<R: Real>(a: &[V3<R>], b: &[V3<R>]) -> f64 {
     let blocks: Vec<f64> = a
         .par_chunks(BLOCK)
         .zip(b.par_chunks(BLOCK))
@@ -65,6 +60,9 @@ pub(crate) struct Gradients<R> {
     by_column: Vec<[R; 9]>,
     column_row: Vec<u32>,
     inverse_diagonal: Vec<V3<R>>,
+    /// Directions of the springs, a slot each, or none.
+    springs: Vec<V3<R>>,
+    pulls: Vec<R>,
     x: Vec<V3<R>>,
     residual: Vec<V3<R>>,
     direction: Vec<V3<R>>,
@@ -83,13 +81,14 @@ impl<R: Real> Gradients<R> {
         &mut self,
         stencils: &Stencils,
         blocks: &[[f64; 9]],
+        springs: &[Stretch],
         held: usize,
         right: &[V3<f64>],
         steps: usize,
         tolerance: f64,
         x: &mut [V3<f64>],
     ) -> usize {
-        self.load(stencils, blocks, held, right);
+        self.load(stencils, blocks, springs, held, right);
         let inverse = &self.inverse_diagonal;
         let precondition = |r: V3<R>, d: V3<R>| [r[0] * d[0], r[1] * d[1], r[2] * d[2]];
         self.direction.clear();
@@ -99,7 +98,8 @@ impl<R: Real> Gradients<R> {
         let mut done = 0;
         while done < steps && rho > stop && rho > 0.0 {
             self.apply(stencils);
-            let curvature = dot_product(&self.rows, &self.rows);
+            let pulled: f64 = self.pulls.iter().map(|p| p.to_f64() * p.to_f64()).sum();
+            let curvature = dot_product(&self.rows, &self.rows) + pulled;
             if !(curvature > 0.0) || !curvature.is_finite() {
                 break;
             }
@@ -139,7 +139,7 @@ impl<R: Real> Gradients<R> {
         done
     }
 
-    fn load(&mut self, stencils: &Stencils, blocks: &[[f64; 9]], held: usize, right: &[V3<f64>]) {
+    fn load(&mut self, stencils: &Stencils, blocks: &[[f64; 9]], springs: &[Stretch], held: usize, right: &[V3<f64>]) {
         let convert = |b: &[f64; 9]| b.map(R::of);
         let n = stencils.vertex_count();
         self.by_row.clear();
@@ -148,6 +148,10 @@ impl<R: Real> Gradients<R> {
         self.by_column.extend(stencils.incoming.iter().map(|&slot| convert(&blocks[slot as usize])));
         self.column_row.clear();
         self.column_row.extend(stencils.incoming.iter().map(|&slot| stencils.slot_row[slot as usize]));
+        self.springs.clear();
+        self.springs.extend(springs.iter().map(|s| s.direction.map(R::of)));
+        self.pulls.clear();
+        self.pulls.resize(springs.len(), R::ZERO);
         self.inverse_diagonal.clear();
         self.inverse_diagonal.resize(n, [R::ZERO; 3]);
         for v in held..n {
@@ -156,6 +160,14 @@ impl<R: Real> Gradients<R> {
                 let b = &blocks[slot as usize];
                 for c in 0..3 {
                     sum[c] += b[c] * b[c] + b[3 + c] * b[3 + c] + b[6 + c] * b[6 + c];
+                }
+                if let Some(s) = springs.get(slot as usize) {
+                    sum = std::array::from_fn(|c| sum[c] + s.direction[c] * s.direction[c]);
+                }
+            }
+            if stencils.row_of[v] != NONE {
+                for s in springs.get(stencils.slots(stencils.row_of[v] as usize)).into_iter().flatten() {
+                    sum = std::array::from_fn(|c| sum[c] + s.direction[c] * s.direction[c]);
                 }
             }
             self.inverse_diagonal[v] = sum.map(|d| R::of(if d > 0.0 { 1.0 / d } else { 1.0 }));
@@ -180,16 +192,34 @@ impl<R: Real> Gradients<R> {
                 *out = sum;
             }
         });
+        let springs = &self.springs;
+        self.pulls.par_chunks_mut(8 * BLOCK).enumerate().for_each(|(block, part)| {
+            for (slot, out) in (block * 8 * BLOCK..).zip(part) {
+                let v = stencils.vertex[stencils.slot_row[slot] as usize];
+                *out = dot(springs[slot], sub(x[v as usize], x[stencils.neighbour[slot] as usize]));
+            }
+        });
     }
 
     fn apply_transpose(&mut self, stencils: &Stencils, held: usize) {
         let (blocks, from, y) = (&self.by_column, &self.column_row, &self.rows);
+        let (springs, pulls) = (&self.springs, &self.pulls);
         self.product[held..].par_chunks_mut(BLOCK).enumerate().for_each(|(block, part)| {
             for (v, out) in (held + block * BLOCK..).zip(part) {
                 let own = stencils.row_of[v];
                 let mut sum = if own == NONE { [R::ZERO; 3] } else { y[own as usize] };
                 for k in stencils.incoming_start[v] as usize..stencils.incoming_start[v + 1] as usize {
                     sum = minus_transposed(sum, &blocks[k], y[from[k] as usize]);
+                }
+                if !springs.is_empty() {
+                    for &slot in stencils.incoming(v) {
+                        sum = add_scaled(sum, springs[slot as usize], R::ZERO - pulls[slot as usize]);
+                    }
+                    if own != NONE {
+                        for slot in stencils.slots(own as usize) {
+                            sum = add_scaled(sum, springs[slot], pulls[slot]);
+                        }
+                    }
                 }
                 *out = sum;
             }

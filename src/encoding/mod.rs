@@ -10,13 +10,15 @@
 //! - [`decode`]: section 2.2, equation 13: F of one ring, of a level of vertex splits, and V - F of all rings
 //! - [`derivative`]: the analytic derivative of F; products with I - dF and its transpose as gathers
 //! - `collapse`, `cost`, [`hierarchy`]: section 3.1
-//! - `solver`, `direct`, `gradients`, `sweeps`: section 3.2.2, Gauss-Newton with line search
+//! - `solver`, `direct`, `gradients`, `sweeps`: section 3.2.2, Gauss-Newton with line search; `springs`, ours: lengths of edges
 //! - [`cascade`]: section 3.2, coarse to fine
+//! - `blend`: section 4.3, averages of the encodings of several shapes
 //! - [`measures`]: how far a shape is from another one, in neutral terms
 //!
 //! All arrays are flat and indexed by rows (encoded vertices) and slots (a neighbour of a row), as the kernels read them. Formulas hold
 //! ring-local coordinates throughout and are generic over [`crate::engine::Real`]; double precision is the truth.
 
+mod blend;
 pub mod cascade;
 mod collapse;
 mod connectivity;
@@ -30,12 +32,14 @@ pub mod hierarchy;
 pub mod measures;
 pub mod similarity;
 mod solver;
+mod springs;
 mod stencil;
 mod store;
 mod sweeps;
 mod vector;
 mod weights;
 
+pub use blend::Blend;
 pub use cascade::{DecodeReport, Decoder, LevelReport, Quality};
 pub use connectivity::Connectivity;
 pub use encode::Encoding;

@@ -4,6 +4,7 @@ use super::decode::{encoding_residual, energy};
 use super::derivative::{Linearisation, blocks};
 use super::direct::DirectSolver;
 use super::gradients::{Gradients, apply_transpose};
+use super::springs::{Springs, add_gradient};
 use super::vector::add_scaled;
 use super::{Encoding, Stencils, V3};
 use crate::error::Result;
@@ -53,11 +54,13 @@ const SINGLE: usize = 300;
 const LEAST_STEP: f64 = 1.0 / 1024.0;
 
 impl StageSolver {
-    /// Minimises G over the vertices from `held` on, starting from and ending in `positions`.
+    /// Minimises G, and the springs' energy if there are any, over the vertices from `held` on, starting from and ending in `positions`.
+    #[expect(clippy::too_many_arguments, reason = "the parts of one problem")]
     pub(crate) fn minimise(
         &mut self,
         stencils: &Stencils,
         encoding: &Encoding<f64>,
+        springs: Option<&Springs>,
         held: usize,
         method: Method,
         stop: Stop,
@@ -65,8 +68,11 @@ impl StageSolver {
     ) -> Result<Solved> {
         let n = positions.len();
         let mut residual = vec![[0.0; 3]; stencils.row_count()];
-        encoding_residual(stencils, encoding, positions, &mut residual);
-        let mut g = energy(&residual);
+        let value = |positions: &[V3<f64>], residual: &mut [V3<f64>]| {
+            encoding_residual(stencils, encoding, positions, residual);
+            energy(residual) + springs.map_or(0.0, |s| s.energy(stencils, positions))
+        };
+        let mut g = value(positions, &mut residual);
         let mut solved = Solved { before: g, after: g, ..Solved::default() };
         let noise = NOISE * stencils.row_count() as f64;
         if held == n || !g.is_finite() {
@@ -80,6 +86,8 @@ impl StageSolver {
             let at = Linearisation::new(stencils, encoding, positions);
             let blocks = blocks(stencils, encoding, &at, positions);
             apply_transpose(stencils, &blocks, &residual, held, &mut gradient);
+            let stretched = springs.map_or(Vec::new(), |s| s.linearise(stencils, positions));
+            add_gradient(stencils, &stretched, held, &mut gradient);
             let mut improved = None;
             while improved.is_none() && damping < 1e6 {
                 let solvable = match method {
@@ -88,14 +96,14 @@ impl StageSolver {
                             self.direct = Some(DirectSolver::new(stencils, held)?);
                         }
                         step[held..].copy_from_slice(&gradient[held..]);
-                        self.direct.as_mut().is_some_and(|d| d.solve(&blocks, damping, &mut step[held..]))
+                        self.direct.as_mut().is_some_and(|d| d.solve(&blocks, &stretched, damping, &mut step[held..]))
                     }
                     Method::Gradients(steps) => {
                         // A few steps need no more than single precision; many would stall in it.
                         solved.gradient_steps += if steps <= SINGLE {
-                            self.single.solve(stencils, &blocks, held, &gradient, steps, 1e-4, &mut step)
+                            self.single.solve(stencils, &blocks, &stretched, held, &gradient, steps, 1e-4, &mut step)
                         } else {
-                            self.double.solve(stencils, &blocks, held, &gradient, steps, 1e-6, &mut step)
+                            self.double.solve(stencils, &blocks, &stretched, held, &gradient, steps, 1e-6, &mut step)
                         };
                         true
                     }
@@ -105,8 +113,7 @@ impl StageSolver {
                     for v in held..n {
                         trial[v] = add_scaled(positions[v], step[v], -alpha);
                     }
-                    encoding_residual(stencils, encoding, &trial, &mut residual);
-                    let new = energy(&residual);
+                    let new = value(&trial, &mut residual);
                     if new < g {
                         improved = Some(new);
                         break;
@@ -123,7 +130,6 @@ impl StageSolver {
             }
             let Some(new) = improved else {
                 // No direction goes down: this is the minimum as far as rounding lets one see.
-                encoding_residual(stencils, encoding, positions, &mut residual);
                 solved.converged = true;
                 break;
             };

@@ -5,7 +5,7 @@ use super::{Connectivity, Encoding, Hierarchy, HierarchyOptions, Stencils, V3};
 use crate::error::{Error, Result};
 
 /// Changes whenever the same mesh, held vertices and options may give another hierarchy, or its bytes another layout.
-pub const ALGORITHM_VERSION: u32 = 1;
+pub(super) const ALGORITHM_VERSION: u32 = 1;
 const MAGIC: [u8; 8] = *b"BARYHIER";
 
 /// The name under which a hierarchy may be kept: a hash of everything it depends on.

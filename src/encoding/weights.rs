@@ -73,7 +73,7 @@ pub(crate) fn mean_value_weights<R: Real>(points: &[[R; 2]], weights: &mut [R]) 
     }
     let inverse = R::ONE / sum;
     for w in weights.iter_mut() {
-        *w = *w * inverse;
+        *w *= inverse;
     }
     Some(size / sum.abs())
 }

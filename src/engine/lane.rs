@@ -44,6 +44,8 @@ pub trait Lane:
     fn mul_add(self, b: Self, c: Self) -> Self;
     /// Square root.
     fn sqrt(self) -> Self;
+    /// Absolute value.
+    fn abs(self) -> Self;
     /// The smaller; `b` if `self` is not smaller.
     fn minimum(self, b: Self) -> Self;
     /// The larger; `b` if `self` is not larger.
@@ -52,6 +54,8 @@ pub trait Lane:
     fn lt(self, b: Self) -> Self::Mask;
     /// `a` where `mask`, else `b`.
     fn select(mask: Self::Mask, a: Self, b: Self) -> Self;
+    /// Whether `mask` holds in some lane.
+    fn any(cpu: Self::Cpu, mask: Self::Mask) -> bool;
 }
 
 /// A loop over tiles, written for any [`Lane`] of scalar `E`.
@@ -151,6 +155,10 @@ macro_rules! scalar {
                 <$t>::sqrt(self)
             }
             #[inline(always)]
+            fn abs(self) -> Self {
+                <$t>::abs(self)
+            }
+            #[inline(always)]
             fn minimum(self, b: Self) -> Self {
                 Real::minimum(self, b)
             }
@@ -165,6 +173,10 @@ macro_rules! scalar {
             #[inline(always)]
             fn select(mask: bool, a: Self, b: Self) -> Self {
                 if mask { a } else { b }
+            }
+            #[inline(always)]
+            fn any((): (), mask: bool) -> bool {
+                mask
             }
         }
 
@@ -185,7 +197,7 @@ struct Only<E, W>(W, std::marker::PhantomData<E>);
 /// The lanes of one element type, from the names of pulp's operations on it.
 macro_rules! lanes {
     ($lane:ident, $e:ident, $v:ident, $mask:ident, $splat:ident, $add:ident, $sub:ident, $mul:ident, $div:ident,
-     $fma:ident, $sqrt:ident, $min:ident, $max:ident, $lt:ident, $select:ident) => {
+     $fma:ident, $sqrt:ident, $abs:ident, $min:ident, $max:ident, $lt:ident, $select:ident, $first_true:ident) => {
         impl<S: pulp::Simd> Add for $lane<S> {
             type Output = Self;
             #[inline(always)]
@@ -248,6 +260,10 @@ macro_rules! lanes {
                 Self { simd: self.simd, v: self.simd.$sqrt(self.v) }
             }
             #[inline(always)]
+            fn abs(self) -> Self {
+                Self { simd: self.simd, v: self.simd.$abs(self.v) }
+            }
+            #[inline(always)]
             fn minimum(self, b: Self) -> Self {
                 Self { simd: self.simd, v: self.simd.$min(self.v, b.v) }
             }
@@ -262,6 +278,11 @@ macro_rules! lanes {
             #[inline(always)]
             fn select(mask: S::$mask, a: Self, b: Self) -> Self {
                 Self { simd: a.simd, v: a.simd.$select(mask, a.v, b.v) }
+            }
+            #[inline(always)]
+            fn any(simd: S, mask: S::$mask) -> bool {
+                // The number of lanes if there is none.
+                simd.$first_true(mask) < Self::N
             }
         }
 
@@ -289,10 +310,12 @@ lanes!(
     div_f32s,
     mul_add_e_f32s,
     sqrt_f32s,
+    abs_f32s,
     min_f32s,
     max_f32s,
     less_than_f32s,
-    select_f32s
+    select_f32s,
+    first_true_m32s
 );
 lanes!(
     F64s,
@@ -306,10 +329,12 @@ lanes!(
     div_f64s,
     mul_add_e_f64s,
     sqrt_f64s,
+    abs_f64s,
     min_f64s,
     max_f64s,
     less_than_f64s,
-    select_f64s
+    select_f64s,
+    first_true_m64s
 );
 
 #[cfg(test)]
@@ -333,10 +358,14 @@ mod tests {
                     -a,
                     a.mul_add(b, c),
                     b.sqrt(),
+                    a.abs(),
                     a.minimum(b),
                     a.maximum(b),
                     L::select(a.lt(b), c, L::splat(cpu, E::ONE)),
                 ];
+                let below = (i..i + L::N).any(|k| self.0[k] < self.1[k]);
+                assert_eq!(L::any(cpu, a.lt(b)), below, "lanes from {i}");
+                assert!(!L::any(cpu, a.lt(a)));
                 for (result, out) in results.into_iter().zip(&mut *self.2) {
                     result.store(&mut out[i..]);
                 }
@@ -348,13 +377,14 @@ mod tests {
         let a: Vec<E> = (0..TILE).map(|i| E::of(i as f64 * 0.5 - 7.25)).collect();
         let b: Vec<E> = (0..TILE).map(|i| E::of((i * i % 19) as f64 * 0.75 + 0.5)).collect();
         for lanes in [Lanes::scalar(), Lanes::detect()] {
-            let mut out = vec![vec![E::ZERO; TILE]; 10];
+            let mut out = vec![vec![E::ZERO; TILE]; 11];
             lanes.run(Each(&a, &b, &mut out));
             for i in 0..TILE {
                 let (x, y) = (a[i].to_f64(), b[i].to_f64());
                 let select = if x < y { 0.25 } else { 1.0 };
                 let expected =
-                    [x + y, x - y, x * y, x / y, -x, x * y + 0.25, y.sqrt(), x.min(y), x.max(y), select].map(E::of);
+                    [x + y, x - y, x * y, x / y, -x, x * y + 0.25, y.sqrt(), x.abs(), x.min(y), x.max(y), select]
+                        .map(E::of);
                 // All exact here but quotient and root, which are correctly rounded everywhere.
                 assert_eq!(std::array::from_fn(|k| out[k][i]), expected, "item {i} on {}", lanes.name());
             }

@@ -9,9 +9,14 @@ use crate::error::{Error, Result};
 
 /// The files that kernels may import.
 const LIBRARY: &[(&str, &str)] = &[
+    ("lib/atlas", include_str!("../../shaders/lib/atlas.wgsl")),
+    ("lib/corners", include_str!("../../shaders/lib/corners.wgsl")),
+    ("lib/footprint", include_str!("../../shaders/lib/footprint.wgsl")),
     ("lib/frame", include_str!("../../shaders/lib/frame.wgsl")),
     ("lib/matching", include_str!("../../shaders/lib/matching.wgsl")),
+    ("lib/mean_value", include_str!("../../shaders/lib/mean_value.wgsl")),
     ("lib/newton", include_str!("../../shaders/lib/newton.wgsl")),
+    ("lib/padding", include_str!("../../shaders/lib/padding.wgsl")),
     ("lib/phong", include_str!("../../shaders/lib/phong.wgsl")),
     ("lib/projection", include_str!("../../shaders/lib/projection.wgsl")),
     ("lib/span", include_str!("../../shaders/lib/span.wgsl")),

@@ -16,7 +16,7 @@ pub use diagnosis::Diagnosis;
 pub use geodesics::{Geodesics, March};
 pub use laplacian::{Laplacian, SparseRows};
 pub use mesh::{Corner, Material, Mesh, MeshBuilder, NONE};
-pub use polygon::Polygon;
+pub use polygon::{Defect, Polygon, Side};
 pub use simplify::{Simplified, SimplifyOptions, simplify};
 pub use surface_point::SurfacePoint;
 pub use topology::Topology;

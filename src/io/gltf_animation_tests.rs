@@ -1,5 +1,3 @@
-use std::io::Write;
-
 use glam::DVec2;
 
 use super::*;
@@ -179,34 +177,31 @@ fn frames_that_do_not_fit_are_refused() {
     assert!(message(&GlbAnimation { placements: &[(DQuat::IDENTITY, DVec3::ZERO)], ..base }).contains("1 placements"));
 }
 
-/// The glTF validator of Khronos, where `BARYMAP_GLTF_VALIDATOR` names a folder in which `npm install gltf-validator` was run.
+/// The glTF validator of Khronos, where node and the npm package `gltf-validator` are installed:
+/// `BARYMAP_GLTF_VALIDATOR=$PWD/tests/gltf_validate.js RUSTFLAGS="--cfg barymap_gltf_validator" cargo test --release --lib validator`.
+#[cfg(barymap_gltf_validator)]
 #[test]
 fn the_validator_accepts_what_is_written() {
-    let Some(folder) = std::env::var_os("BARYMAP_GLTF_VALIDATOR") else {
-        println!("skipped: BARYMAP_GLTF_VALIDATOR names no folder with the npm package gltf-validator");
-        return;
-    };
-    let script = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/gltf_validate.js");
+    use std::io::Write;
+
+    let script = std::env::var_os("BARYMAP_GLTF_VALIDATOR").expect("BARYMAP_GLTF_VALIDATOR");
     let mesh = strip(9);
     let frames: Vec<Vec<Vec3>> = (0..12).map(|f| rolled(&mesh, f)).collect();
     let times: Vec<f32> = (0..12).map(|f| f as f32 / 24.0).collect();
     let placements: Vec<_> = (0..12).map(|f| (DQuat::from_rotation_y(0.7 * f as f64), DVec3::X * f as f64)).collect();
-    let validate = |bytes: &[u8]| {
-        let mut file = tempfile::Builder::new().suffix(".glb").tempfile().unwrap();
-        file.write_all(bytes).unwrap();
-        let mut node = std::process::Command::new("node");
-        node.arg(&script).arg(file.path()).current_dir(&folder).output().unwrap()
-    };
     for form in [MorphForm::Frames, MorphForm::Components { tolerance: 1e-3 }] {
         for placements in [&[][..], &placements] {
             let animation = GlbAnimation { name: "roll", times: &times, frames: &frames, placements, form };
-            let (mut bytes, _) = animated_glb_bytes(&mesh, &materials(), &animation).unwrap();
-            let run = validate(&bytes);
-            assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stdout));
-            // What is not valid is refused.
-            let at = bytes.windows(8).position(|w| w == b"\"LINEAR\"").unwrap();
-            bytes[at + 1] = b'B';
-            assert!(!validate(&bytes).status.success());
+            let (bytes, _) = animated_glb_bytes(&mesh, &materials(), &animation).unwrap();
+            let mut file = tempfile::Builder::new().suffix(".glb").tempfile().unwrap();
+            file.write_all(&bytes).unwrap();
+            let run = std::process::Command::new("node").arg(&script).arg(file.path()).output().unwrap();
+            assert!(
+                run.status.success(),
+                "{}{}",
+                String::from_utf8_lossy(&run.stdout),
+                String::from_utf8_lossy(&run.stderr)
+            );
         }
     }
 }

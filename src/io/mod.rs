@@ -1,4 +1,4 @@
-//! Files: meshes, images, anchors, points, arrays, reports and the cache.
+//! Files: meshes, images, anchors, points, cages, outlines, arrays, reports and the cache.
 //!
 //! Readers take what real files hold: they tell what they passed over in warnings, and what cannot be used in errors that name the file, the
 //! line and the remedy. No header makes them allocate more than the file can fill. Writers go through [`output`], so that a file appears whole
@@ -7,6 +7,8 @@
 pub mod anchors;
 mod assemble;
 pub mod cache;
+pub mod cage;
+pub mod geojson;
 pub mod gltf_animation;
 mod gltf_components;
 mod gltf_document;
@@ -21,13 +23,17 @@ pub mod npy;
 pub mod obj;
 pub mod obj_write;
 pub mod off;
+pub mod outline;
 pub mod output;
 pub mod ply;
 mod ply_header;
 pub mod ply_write;
+pub mod point_table;
 pub mod points;
 pub mod report;
 mod source;
+pub mod svg;
+mod svg_path;
 
 use std::io::Read;
 use std::path::Path;

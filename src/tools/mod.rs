@@ -2,7 +2,9 @@
 pub mod animate;
 pub mod cover;
 pub mod deform;
+pub mod morph;
 pub mod render;
 pub mod stopwatch;
 pub mod transfer;
 pub mod vertex_map;
+pub mod warp;

@@ -1,8 +1,10 @@
 //! The command line end to end: the built program on small meshes written for each test, and on the bad files of `BARYMAP_DATA`.
 
+mod deform;
 mod faults;
 mod machine;
 mod pairs;
 mod steps;
 mod support;
 mod transfer;
+mod warp;

@@ -48,6 +48,7 @@ fn the_texture_arrives_with_coverage_model_and_report() {
     }
     assert_eq!(report["command"], "transfer");
     assert_eq!(report["texels"], 128 * 128);
+    assert_eq!(report["device_stages"], serde_json::json!([]));
     for key in ["name", "driver"] {
         assert!(report["backend"][key].is_string(), "{report}");
     }
@@ -87,6 +88,31 @@ fn every_method_and_back_end_agrees_on_easy_shapes() {
     f.run(&format!("{reference} -o double.png")).succeeds();
     let error = difference(&f.image("single.png"), &f.image("double.png"), &f.image("c.png"));
     assert!(error < 1e-3, "single against double precision: {error}");
+}
+
+#[test]
+fn a_device_does_all_heavy_stages_where_there_is_one() {
+    let f = Folder::spheres();
+    f.run(&format!("{TRANSFER} -o cpu.png --coverage c.png")).succeeds();
+    let auto = TRANSFER.replace("--backend cpu", "--backend auto");
+    f.run(&format!("{auto} -o auto.png --coverage d.png --report r.json")).succeeds();
+    let report = f.json("r.json");
+    if report["backend"]["kind"] == "gpu" {
+        assert_eq!(report["device_stages"], serde_json::json!(["rasterize_atlas", "sample_texture", "pad_seams"]));
+    } else {
+        assert!(
+            std::env::var_os("BARYMAP_REQUIRE_GPU").is_none(),
+            "BARYMAP_REQUIRE_GPU is set and there is no adapter"
+        );
+    }
+    let error = difference(&f.image("cpu.png"), &f.image("auto.png"), &f.image("c.png"));
+    assert!(error < 1e-3, "device against CPU: {error}");
+    // What the device leaves does not fit: the CPU does it, and the user is told.
+    let ran = f.run(&format!("{auto} -o small.png --memory 24M --report s.json")).succeeds();
+    if report["backend"]["kind"] == "gpu" {
+        assert_eq!(f.json("s.json")["device_stages"], serde_json::json!([]));
+        assert!(ran.stderr.contains("note: the transfer runs on the CPU"), "{}", ran.stderr);
+    }
 }
 
 #[test]

@@ -1,4 +1,7 @@
-//! What several test modules need: the folder of real models.
+//! What several test programs need: the folder of real models, flat meshes.
+#![allow(dead_code, reason = "each test program uses a part of this")]
+
+pub(crate) mod flat;
 
 use std::path::PathBuf;
 

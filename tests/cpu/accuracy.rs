@@ -115,13 +115,12 @@ fn say(name: &str, method: &str, o: &Outcome) {
 #[test]
 #[ignore = "needs BARYMAP_DATA"]
 fn smpl_and_fox_pairs_meet_the_bar_of_the_study() {
-    // The bars of the issue: mean error 0.008 (SMPL 0.0045) with 93 anchors, and with 27 at most 0.75 of what the published method has. Two are missed by the fox between run and
-    // rest, each in one direction, and are held where they are.
-    for (name, source, target, bar, ratio) in [
-        ("smpl", "gt/smpl_same/man.obj", "gt/smpl_same/woman.obj", 0.0045, 0.75),
-        ("fox survey to rest", "gt/fox_same/fox_survey.obj", "gt/fox_same/fox_rest.obj", 0.008, 0.75),
-        ("fox run to rest", "gt/fox_same/fox_run.obj", "gt/fox_same/fox_rest.obj", 0.008, 0.80),
-        ("fox rest to run", "gt/fox_same/fox_rest.obj", "gt/fox_same/fox_run.obj", 0.009, 0.75),
+    // The bars of the issue: mean error 0.008 (SMPL 0.0045) with 93 anchors, and with 27 at most 0.75 of what the published method has.
+    for (name, source, target, bar) in [
+        ("smpl", "gt/smpl_same/man.obj", "gt/smpl_same/woman.obj", 0.0045),
+        ("fox survey to rest", "gt/fox_same/fox_survey.obj", "gt/fox_same/fox_rest.obj", 0.008),
+        ("fox run to rest", "gt/fox_same/fox_run.obj", "gt/fox_same/fox_rest.obj", 0.008),
+        ("fox rest to run", "gt/fox_same/fox_rest.obj", "gt/fox_same/fox_run.obj", 0.008),
     ] {
         let (source, target) = (Embedded::read(source), Embedded::read(target));
         let pair = Pair::same(&source, &target, &target.spread(93));
@@ -135,7 +134,7 @@ fn smpl_and_fox_pairs_meet_the_bar_of_the_study() {
         let (averages, transport) = (few.map(Method::Averages), few.map(Method::Transport));
         say(name, "averages, 27", &averages);
         say(name, "transport, 27", &transport);
-        assert!(transport.error.mean <= ratio * averages.error.mean, "{name} with 27 anchors");
+        assert!(transport.error.mean <= 0.75 * averages.error.mean, "{name} with 27 anchors");
     }
 }
 
@@ -156,8 +155,9 @@ fn what_is_claimed_valid_on_the_human_pair_is_right() {
             let [valid, off02, off05] = pair.honesty(&o);
             println!("{name} {}: valid {valid:.4}, of that off by 0.02 {off02:.4}, by 0.05 {off05:.4}", method.name());
             if method == Method::Transport {
-                // The bar of 5 % off by 0.02 is met from woman to man; the way back is at 5.5 %.
-                let bar = if name == "woman to man" { 0.05 } else { 0.06 };
+                // The bar of 5 % off by 0.02 is met from woman to man; the way back is at 5.35 %, whatever the residual claimed
+                // (docs/measurements.md).
+                let bar = if name == "woman to man" { 0.05 } else { 0.055 };
                 assert!(valid >= 0.97 && off02 <= bar && off05 <= 0.005, "{name}: {valid} {off02} {off05}");
             }
         }

@@ -4,8 +4,12 @@ mod accuracy;
 #[path = "../common/mod.rs"]
 mod common;
 mod embedding;
+mod encoding;
 mod io;
 mod models;
+mod plane;
+#[path = "../common/plane.rs"]
+mod plane_cases;
 mod render;
 mod shaders;
 mod transfer;

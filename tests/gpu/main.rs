@@ -3,9 +3,17 @@
 //! Without an adapter each test is skipped and says so; the count is printed, and `BARYMAP_REQUIRE_GPU=1` makes a
 //! skipped test a failure.
 
+#[path = "../common/mod.rs"]
+mod common;
 mod device;
 mod patterns;
+mod plane;
+#[path = "../common/plane.rs"]
+mod plane_cases;
 mod surface;
+mod transfer;
+mod transfer_sample;
+mod warp;
 
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};

@@ -24,6 +24,9 @@ pub(crate) struct Arguments {
     /// How far the minimisation goes
     #[arg(long, value_enum, default_value = "default")]
     quality: QualityName,
+    /// How strongly edges keep their lengths: 0 not at all, 1 well
+    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
+    stiffness: f64,
     /// Sweeps of Gauss-Seidel at the end, as in the paper
     #[arg(long, default_value_t = 0)]
     sweeps: usize,
@@ -56,6 +59,9 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     if arguments.sweeps > 1000 {
         return Err(usage("--sweeps", "more than 1000", "Use --quality converged instead"));
     }
+    if !(0.0..=1e6).contains(&arguments.stiffness) {
+        return Err(usage("--stiffness", "the value is out of range", "Give a number from 0 to 1000000"));
+    }
     let mut session = Session::start_on_cpu(common)?;
     let handles = read_handles(&arguments.handles)?;
     let region = arguments.roi.as_ref().map(read_vertex_list).transpose()?;
@@ -73,12 +79,13 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         QualityName::Default => Quality::DEFAULT,
         QualityName::Converged => Quality::CONVERGED,
     };
-    let result = deformer.deform(&positions, &Quality { sweeps: arguments.sweeps, ..quality }, false)?;
+    let quality = Quality { sweeps: arguments.sweeps, stiffness: arguments.stiffness, ..quality };
+    let result = deformer.deform(&positions, &quality, false)?;
     session.watch.lap("decode");
     let m = deformer.measures(&result.positions);
     session.watch.lap("measure");
     let mut mesh = surface.mesh;
-    mesh.positions = result.positions;
+    deformer.pose(&mut mesh, result.positions)?;
     if ply {
         barymap::io::write_ply(&mesh, None, &arguments.output)?;
     } else {

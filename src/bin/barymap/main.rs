@@ -1,6 +1,7 @@
 //! The command line of barymap.
 
 mod animate;
+mod cage_map;
 mod check;
 mod common;
 mod deform;
@@ -9,9 +10,12 @@ mod devices;
 mod embed;
 mod map;
 mod method;
+mod morph;
 mod progress_bar;
 mod render;
 mod transfer;
+mod warp;
+mod warp_points;
 mod weights;
 
 use std::process::ExitCode;
@@ -49,8 +53,14 @@ enum Command {
     Map(map::Arguments),
     /// Transfers a texture from one mesh to a different one
     Transfer(transfer::Arguments),
+    /// Warps a picture by a cage, without folds
+    Warp(warp::Arguments),
+    /// Warps points and outlines by a cage, either way
+    WarpPoints(warp_points::Arguments),
     /// Poses a mesh by a few of its vertices and keeps its shape
     Deform(deform::Arguments),
+    /// In-betweens and blends of meshes of the same connectivity
+    Morph(morph::Arguments),
     /// Sets a mesh in motion by markers or joints
     Animate(animate::Arguments),
     /// A shaded picture of a mesh, to look at results
@@ -68,7 +78,10 @@ fn run(cli: &Cli) -> Result<()> {
         Command::Check(a) => check::run(common, a),
         Command::Map(a) => map::run(common, a),
         Command::Transfer(a) => transfer::run(common, a),
+        Command::Warp(a) => warp::run(common, a),
+        Command::WarpPoints(a) => warp_points::run(common, a),
         Command::Deform(a) => deform::run(common, a),
+        Command::Morph(a) => morph::run(common, a),
         Command::Animate(a) => animate::run(common, a),
         Command::Render(a) => render::run(common, a),
     }

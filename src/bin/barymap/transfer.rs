@@ -6,7 +6,7 @@ use barymap::geometry::NONE;
 use barymap::io::gltf_write::GlbMaterial;
 use barymap::raster::Image;
 use barymap::surface::AnchorPairs;
-use barymap::tools::transfer::{Encoding, Filter, Layer, TransferOptions, TransferOutput, transfer};
+use barymap::tools::transfer::{Encoding, Filter, Layer, TransferOptions, TransferOutput, transfer_on};
 use barymap::tools::vertex_map::{VertexMap, vertex_map};
 use barymap::{Error, Result};
 use clap::ValueEnum;
@@ -247,7 +247,11 @@ impl Job<'_> {
             })
             .collect();
         let options = self.look.options(session.common.memory);
-        let result = transfer(&source.mesh, &layers, &target.mesh, map.as_ref(), &options, session.progress())?;
+        let (from, to, progress) = (&source.mesh, &target.mesh, session.progress());
+        let result = transfer_on(&session.engine, from, &layers, to, map.as_ref(), &options, progress)?;
+        for note in &result.stats.notes {
+            session.warn(note);
+        }
         session.watch.lap("transfer");
         for (image, path) in result.layers.iter().zip(self.outputs) {
             barymap::io::write_image(image, path)?;
@@ -291,6 +295,7 @@ impl Job<'_> {
             "nanoseconds_per_texel": per_texel,
             "memory": s.memory,
             "bands": s.bands,
+            "device_stages": s.device_stages,
         });
         if let (Some(report), Some(extra)) = (report.as_object_mut(), extra.as_object()) {
             report.extend(extra.clone());

@@ -1,6 +1,17 @@
 //! Polygons in the plane: one or several nested loops.
 
+mod defect;
+mod locate;
+mod measure;
+mod nesting;
+mod sweep;
+
 use glam::DVec2;
+
+pub use defect::{Defect, EdgeOf, VertexOf};
+pub use locate::Side;
+pub use measure::{barycentre, signed_area};
+pub use nesting::Nesting;
 
 /// One or several closed loops of vertices; the domain lies to the left of every edge.
 ///

@@ -106,11 +106,11 @@ pub(super) fn parse(text: &str, path: &Path) -> Result<Motion> {
     let mut values = vec![0.0; channels];
     for f in 0..count {
         for value in &mut values {
-            *value = words.number("a value of a channel").or_else(|e| match e {
+            *value = words.number("a value of a channel").map_err(|e| match e {
                 Error::Format { path, line, what, remedy } => {
-                    Err(Error::Format { path, line, what: format!("frame {f} of {count}: {what}"), remedy })
+                    Error::Format { path, line, what: format!("frame {f} of {count}: {what}"), remedy }
                 }
-                other => Err(other),
+                other => other,
             })?;
         }
         let (points, turns) = pose(&joints, &values);

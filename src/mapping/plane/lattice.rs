@@ -22,7 +22,7 @@ pub struct LatticeOptions {
 impl Default for LatticeOptions {
     /// For pictures, in pixels: nodes 8 apart, 0.5 near the vertices of a cage, error below 0.05.
     fn default() -> Self {
-        Self { cell: 16.0, depth: 4, tolerance: 0.05, nodes: 1 << 22 }
+        Self { cell: 16.0, depth: 6, tolerance: 0.04, nodes: 1 << 22 }
     }
 }
 

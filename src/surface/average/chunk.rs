@@ -10,14 +10,13 @@ use crate::surface::{PackedPoint, PhongSurface};
 pub struct AveragedChunk<E, const D: usize> {
     input: Vec<E>,
     mean: Vec<E>,
-    negative: Vec<E>,
     lists: usize,
 }
 
 impl<E: LaneScalar, const D: usize> AveragedChunk<E, D> {
     /// An empty chunk.
     pub fn new() -> Self {
-        Self { input: Vec::new(), mean: Vec::new(), negative: Vec::new(), lists: 0 }
+        Self { input: Vec::new(), mean: Vec::new(), lists: 0 }
     }
 
     /// Solves the inverse problem for each point of `surface` and averages each list of `anchors.images`.
@@ -35,8 +34,7 @@ impl<E: LaneScalar, const D: usize> AveragedChunk<E, D> {
         let tiles = points.len().div_ceil(TILE);
         self.lists = anchors.images.len();
         self.mean.resize(tiles * self.lists * D * TILE, E::ZERO);
-        self.negative.resize(tiles * TILE, E::ZERO);
-        average_tiles(lanes, anchors, &self.input, &mut self.mean, Some(&mut self.negative));
+        average_tiles(lanes, anchors, &self.input, &mut self.mean);
     }
 
     /// Point `i` in the embedding.
@@ -50,11 +48,5 @@ impl<E: LaneScalar, const D: usize> AveragedChunk<E, D> {
     pub fn mean(&self, list: usize, i: usize) -> [E; D] {
         let skip = i / TILE * (self.lists - 1) + list;
         point_of(&self.mean[skip * D * TILE..], i)
-    }
-
-    /// The sum of the negative weights at point `i`.
-    #[inline(always)]
-    pub fn negative(&self, i: usize) -> E {
-        self.negative[i]
     }
 }

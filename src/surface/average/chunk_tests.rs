@@ -147,7 +147,6 @@ fn chunks_give_what_the_scalar_path_gives() {
         assert!(distance(&chunk.point(i).map(f64::from), &y) <= tolerance);
         assert!(distance(&chunk.mean(0, i).map(f64::from), &carried) <= tolerance, "point {i}");
         assert!(distance(&chunk.mean(1, i).map(f64::from), &mean(&table.own)) <= tolerance, "point {i}");
-        assert!((f64::from(chunk.negative(i)) - negative_sum(&w)).abs() <= tolerance);
         assert!(distance(&first, &carried) > 10.0 * tolerance, "the transport is seen");
     }
 }

@@ -14,7 +14,7 @@
 //! | function | what it is |
 //! |---|---|
 //! | [`weights`] | the weights themselves, three short passes; `f64` is the truth |
-//! | [`average_fused`] | one pass, nothing stored per anchor: what the kernel `average_anchors` does |
+//! | [`FusedWeights`] | two passes, nothing stored per anchor: what the kernel `average_anchors` does |
 //! | [`average_tiles`] | three passes on SIMD lanes over tiles of points: the fast path of the CPU back end |
 //! | [`AveragedChunk`] | surface points in, averages out: [`frame_tiles`], then [`average_tiles`] |
 //!
@@ -39,9 +39,9 @@ use crate::error::{Error, Result};
 
 pub use chunk::AveragedChunk;
 pub use frames::frame_tiles;
-pub use fused::{Average, average_fused, fused_weights};
+pub use fused::FusedWeights;
 pub use sweep::{SweepAnchors, average_tiles, point_of};
-pub use weights::{negative_sum, weights};
+pub use weights::weights;
 
 /// How much more an offset across the tangent plane counts than one within it (section 3.4; the paper uses 10 for
 /// all of its examples).

@@ -1,8 +1,7 @@
 //! Inverse problem and average on SIMD lanes: the fast path of the CPU back end.
 //!
-//! The weights are those of [`super::weights`]. Unlike the one-pass form, three passes over the anchors with three numbers kept per
-//! anchor and lane need 8 instead of 24 multiplications per anchor for the average, and lose nothing in the shift
-//! of the moments: on a CPU they are both faster and more accurate.
+//! The weights are those of [`super::weights`]. Unlike the form of the kernel, three numbers are kept per anchor and lane: no
+//! offset is computed twice, and nothing is lost in a shift of the moments.
 
 use super::GAMMA;
 use super::solve::rank_limit;
@@ -23,8 +22,7 @@ pub struct SweepAnchors<'a, E, const D: usize> {
 /// Averages whole tiles of query points on the calling thread; call it inside each rayon task.
 ///
 /// A tile holds [`TILE`] points component by component. `input`: 3 D rows of [`TILE`] numbers per tile (y, then the two rows of
-/// an orthonormal basis). `mean`: D rows per list of `anchors.images` per tile, list after list. `negative`: one row per tile, the sum of the
-/// negative weights of each point. Points that only fill up a tile may be anything finite, zeros too.
+/// an orthonormal basis). `mean`: D rows per list of `anchors.images` per tile, list after list. Points that only fill up a tile may be anything finite, zeros too.
 ///
 /// Exact on anchors, finite for any finite input in range, any number of anchors from 1 up. Time O(n D) per point; memory
 /// 3 n numbers per lane.
@@ -36,13 +34,11 @@ pub fn average_tiles<E: LaneScalar, const D: usize>(
     anchors: SweepAnchors<'_, E, D>,
     input: &[E],
     mean: &mut [E],
-    negative: Option<&mut [E]>,
 ) {
     let tiles = input.len() / (3 * D * TILE);
     assert!(
         input.len() == tiles * 3 * D * TILE
             && mean.len() == tiles * anchors.images.len() * D * TILE
-            && negative.as_ref().is_none_or(|s| s.len() == tiles * TILE)
             && anchors.images.iter().all(|image| image.len() == anchors.own.len()),
         "tiles of {} and {} numbers do not belong together",
         input.len(),
@@ -53,7 +49,7 @@ pub fn average_tiles<E: LaneScalar, const D: usize>(
         return;
     }
     let scratch = vec![E::ZERO; 3 * anchors.own.len() * MAX_LANES];
-    lanes.run(AverageTiles { anchors, input, mean, negative, scratch });
+    lanes.run(AverageTiles { anchors, input, mean, scratch });
 }
 
 /// Point `i` of tiles made of rows of `D` components, as a vector.
@@ -66,7 +62,6 @@ struct AverageTiles<'a, E, const D: usize> {
     anchors: SweepAnchors<'a, E, D>,
     input: &'a [E],
     mean: &'a mut [E],
-    negative: Option<&'a mut [E]>,
     scratch: Vec<E>,
 }
 
@@ -76,22 +71,22 @@ impl<E: LaneScalar, const D: usize> Sweep<E> for AverageTiles<'_, E, D> {
         let SweepAnchors { own, images, transport } = self.anchors;
         let scratch = &mut self.scratch[..3 * own.len() * L::N];
         let tiles = self.input.chunks_exact(3 * D * TILE).zip(self.mean.chunks_exact_mut(images.len() * D * TILE));
-        for (t, (input, mean)) in tiles.enumerate() {
+        for (input, mean) in tiles {
             for at in (0..TILE).step_by(L::N) {
                 let near = look::<L, D>(cpu, own, input, at, scratch);
                 let multipliers = balance::<L>(cpu, &near, scratch);
-                let mut sums = Sums { weight: L::num(cpu, 0.0), negative: L::num(cpu, 0.0) };
+                let mut sum = L::num(cpu, 0.0);
                 for (set, image) in images.iter().enumerate() {
                     let mut mean_of = [L::num(cpu, 0.0); D];
                     if set == 0 {
                         if let Some(matrix) = transport {
                             mean_of = multiply::<L, D>(cpu, matrix, input, at);
                         }
-                        sums = weigh::<L, D>(cpu, &multipliers, image, scratch, &mut mean_of);
+                        sum = weigh::<L, D>(cpu, &multipliers, image, scratch, &mut mean_of);
                     } else {
                         gather::<L, D>(cpu, image, scratch, &mut mean_of);
                     }
-                    let rest = L::num(cpu, 1.0) - sums.weight;
+                    let rest = L::num(cpu, 1.0) - sum;
                     let out = &mut mean[set * D * TILE..][..D * TILE];
                     for k in 0..D {
                         let mut nearest = [E::ZERO; MAX_LANES];
@@ -100,11 +95,6 @@ impl<E: LaneScalar, const D: usize> Sweep<E> for AverageTiles<'_, E, D> {
                         }
                         rest.mul_add(L::load(cpu, &nearest), mean_of[k]).store(&mut out[k * TILE + at..]);
                     }
-                }
-                if let Some(negative) = &mut self.negative {
-                    let zero = L::num(cpu, 0.0);
-                    let sum = sums.negative + (L::num(cpu, 1.0) - sums.weight).minimum(zero);
-                    sum.store(&mut negative[t * TILE + at..]);
                 }
             }
         }
@@ -226,13 +216,8 @@ fn balance<L: Lane>(cpu: L::Cpu, near: &Nearest<L>, scratch: &mut [L::E]) -> Mul
     Multipliers { mu, base: t - near.p[0] * mu[0] - near.p[1] * mu[1] }
 }
 
-/// Sums over the weights of the anchors other than the nearest.
-struct Sums<L> {
-    weight: L,
-    negative: L,
-}
-
-/// Third pass: the weights, kept in place of q, and the average of the first list added to `mean`.
+/// Third pass: the weights, kept in place of q, and the average of the first list added to `mean`. Returns the sum of the
+/// weights of the anchors other than the nearest.
 #[inline(always)]
 fn weigh<L: Lane, const D: usize>(
     cpu: L::Cpu,
@@ -240,21 +225,19 @@ fn weigh<L: Lane, const D: usize>(
     image: &[[L::E; D]],
     scratch: &mut [L::E],
     mean: &mut [L; D],
-) -> Sums<L> {
-    let zero = L::num(cpu, 0.0);
-    let mut sums = Sums { weight: zero, negative: zero };
+) -> L {
+    let mut sum = L::num(cpu, 0.0);
     let Multipliers { mu, base } = multipliers;
     for (image, slot) in image.iter().zip(scratch.chunks_exact_mut(3 * L::N)) {
         let (x, y) = (L::load(cpu, &slot[L::N..]), L::load(cpu, &slot[2 * L::N..]));
         let w = L::load(cpu, slot) * x.mul_add(mu[0], y.mul_add(mu[1], *base));
-        sums.weight = sums.weight + w;
-        sums.negative = sums.negative + w.minimum(zero);
+        sum = sum + w;
         for k in 0..D {
             mean[k] = w.mul_add(L::splat(cpu, image[k]), mean[k]);
         }
         w.store(slot);
     }
-    sums
+    sum
 }
 
 /// Q y.

@@ -60,12 +60,3 @@ pub fn weights<S: Real, const D: usize>(y: &[S; D], basis: &[[S; D]; 2], own: &[
     }
     regular
 }
-
-/// The sum of the negative weights: 0, or below 0 where a point is not well surrounded by anchors (section 4.4).
-pub fn negative_sum<S: Real>(weights: &[S]) -> S {
-    let mut sum = S::ZERO;
-    for &w in weights {
-        sum += w.minimum(S::ZERO);
-    }
-    sum
-}

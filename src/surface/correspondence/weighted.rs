@@ -6,16 +6,14 @@ use crate::engine::{LaneScalar, Lanes, Real};
 use crate::error::{Error, Result};
 use crate::geometry::{NONE, SurfacePoint};
 use crate::surface::anchors::AnchorPairs;
-use crate::surface::average::{
-    AnchorTable, AveragedChunk, GAMMA, SweepAnchors, average_fused, orthonormalise, weights,
-};
+use crate::surface::average::{AnchorTable, AveragedChunk, FusedWeights, GAMMA, SweepAnchors, orthonormalise, weights};
 use crate::surface::packed::{PackedImage, PackedPoint, PointMap};
 use crate::surface::project::{Found, Projection, SearchLimits};
 use crate::surface::vector::{Vector, add_scaled, cast, combine, distance_squared, dot, sub};
 use crate::surface::{NearestVertex, PhongSurface};
 
 use super::confidence::{Evidence, Trust};
-use super::procrustes::orthogonal;
+use super::procrustes::{identity, orthogonal};
 use super::{CorrespondenceOptions, Method, Shape, check_faces};
 
 /// Squared length of the order of the distance measure near an anchor, in mean edges squared (notes on the fused form: it only keeps
@@ -41,15 +39,13 @@ fn coordinates<S: Real>(point: PackedPoint) -> [S; 3] {
     [b0, b1, S::ONE - b0 - b1]
 }
 
-/// Part of the global fit in a local one: keeps directions that the near anchors do not span.
-const GLOBAL_SHARE: f64 = 1e-2;
-
-/// `d_v` and `|r_v|` of every vertex: `Q_v` is fitted to the anchors with weights `1/D_i` (eq. 13) plus a hundredth of the global fit. O(V (n D^2 + D^3)).
+/// `d_v` and `|r_v|` of every vertex: `Q_v` is fitted to the anchors with weights `1/D_i^2`, those of eq. 13, and completed by the global fit `q`. Weights that
+/// fall off more slowly, or a part of the global fit in the local one, were measured to be less accurate: far anchors decide only what near ones leave open. O(V (n D^2 + D^3)).
 fn local_corrections<const D: usize>(
     target: &PhongSurface<f64, D>,
     a: &[Vector<f64, D>],
     b: &[Vector<f64, D>],
-    global: &[Vector<f64, D>; D],
+    q: &[Vector<f64, D>; D],
     scale: f64,
 ) -> Vec<Correction<f64, D>> {
     target
@@ -60,22 +56,18 @@ fn local_corrections<const D: usize>(
             weights(&vertex.y, &vertex.t, a, &mut w);
             let own = w.iter().zip(a).fold([0.0; D], |sum, (&w, a)| add_scaled(&sum, w, a));
             let r = sub(&vertex.y, &own);
-            let mut nearness: Vec<f64> = a
+            let nearness: Vec<f64> = a
                 .iter()
                 .map(|a| {
                     let d = sub(a, &vertex.y);
                     let (p, q) = (dot(&d, &vertex.t[0]), dot(&d, &vertex.t[1]));
                     let tangential = p * p + q * q;
                     // A thousandth of an edge squared keeps the weight of an anchor at the vertex finite.
-                    1.0 / (tangential + GAMMA * (dot(&d, &d) - tangential).max(0.0) + 1e-6)
+                    (tangential + GAMMA * (dot(&d, &d) - tangential).max(0.0) + 1e-6).powi(-2)
                 })
                 .collect();
-            let sum: f64 = nearness.iter().sum();
-            for q in &mut nearness {
-                *q = *q / sum + GLOBAL_SHARE / a.len() as f64;
-            }
-            let local = orthogonal(a, b, &nearness);
-            let d = std::array::from_fn(|i| scale * dot(&local[i], &r) - dot(&global[i], &r));
+            let local = orthogonal(a, b, &nearness, q);
+            let d = std::array::from_fn(|i| scale * (dot(&local[i], &r) - dot(&q[i], &r)));
             Correction { d, residual: dot(&r, &r).sqrt() }
         })
         .collect()
@@ -86,8 +78,8 @@ fn local_corrections<const D: usize>(
 pub struct Scratch<S, const D: usize> {
     /// The point on the target.
     pub y: Vector<S, D>,
-    /// `sum w_i a_i`: the average of the target's own anchors.
-    pub own: Vector<S, D>,
+    /// `sum w_i a_i`: the average of the target's own anchors; `None` where neither the method nor its evidence needs it.
+    pub own: Option<Vector<S, D>>,
     /// `ybar` on the source, the residual carried over where the method does so.
     pub mean: Vector<S, D>,
 }
@@ -108,8 +100,6 @@ pub struct WeightedAverages<S: Real, const D: usize> {
     pub source: PhongSurface<S, D>,
     /// The target's anchors and what is averaged.
     pub table: AnchorTable<S, D>,
-    /// The target's anchors averaged with their own weights, for the round trip.
-    pub own: AnchorTable<S, D>,
     /// `Q`, rows, from target edges to source edges; `None` as published.
     pub transport: Option<[Vector<S, D>; D]>,
     /// `d_v` and `|r_v|` of each vertex of the target; empty as published.
@@ -151,23 +141,22 @@ impl<S: Real, const D: usize> WeightedAverages<S, D> {
         let unit = |s: &PhongSurface<f64, D>, shape: &Shape<'_>| s.edge / shape.mesh.area().sqrt();
         let unit_source = unit(&source_surface, &source);
         let scale = unit(&target_surface, &target) / unit_source;
-        let transport = (options.method == Method::Transport)
-            .then(|| orthogonal(&a, &b, &vec![1.0; a.len()]).map(|row| row.map(|x| x * scale)));
+        let global =
+            (options.method == Method::Transport).then(|| orthogonal(&a, &b, &vec![1.0; a.len()], &identity()));
+        let transport = global.map(|q| q.map(|row| row.map(|x| x * scale)));
         let image: Vec<Vector<f64, D>> = match &transport {
             None => b.clone(),
             Some(q) => a.iter().zip(&b).map(|(a, b)| std::array::from_fn(|i| b[i] - dot(&q[i], a))).collect(),
         };
-        let corrections = match &transport {
+        let corrections = match &global {
             None => Vec::new(),
             Some(q) => local_corrections(&target_surface, &a, &b, q, scale),
         };
-        let table = AnchorTable::new(a.clone(), image)?.cast();
-        let own = AnchorTable::new(a.clone(), a)?.cast();
+        let table = AnchorTable::new(a, image)?.cast();
         let mut map = Self {
             target: target_surface.cast(),
             source: source_surface.cast(),
             table,
-            own,
             transport: transport.map(|q| q.map(|row| cast(&row))),
             corrections: corrections
                 .iter()
@@ -217,7 +206,10 @@ impl<S: Real, const D: usize> WeightedAverages<S, D> {
             let nearest = NearestVertex::new(&self.target);
             (0..target.mesh.vertex_count() as u32)
                 .into_par_iter()
-                .map(|v| corner(v).map_or(NONE, |(t, x)| nearest.find(&map.average(t, x).own)))
+                .map(|v| {
+                    let own = corner(v).and_then(|(t, x)| map.average(t, x).own);
+                    own.map_or(NONE, |own| nearest.find(&own))
+                })
                 .collect()
         } else {
             Vec::new()
@@ -234,18 +226,28 @@ impl<S: Real, const D: usize> WeightedAverages<S, D> {
     /// Inverse problem on the target fused with the averages.
     pub fn average(&self, face: u32, x: [S; 3]) -> Scratch<S, D> {
         let (y, basis) = self.frame(face, x);
-        let scale = S::of(AVERAGE_SCALE);
-        let own = average_fused(&y, &basis, &self.own, scale).mean;
-        let mean = self.carry(&y, &average_fused(&y, &basis, &self.table, scale).mean);
-        Scratch { y, own, mean: self.correct(face, &x, &y, &own, mean) }
+        let weights = FusedWeights::solve(&y, &basis, &self.table.own, S::of(AVERAGE_SCALE));
+        let own = self.averages_own().then(|| weights.average(&self.table.own));
+        let mean = self.carry(&y, &weights.average(&self.table.image));
+        Scratch { y, own, mean: self.correct(face, &x, &y, own.as_ref(), mean) }
+    }
+
+    /// Whether the target's own anchors are averaged too: for the residual, or for the round trip.
+    pub(crate) fn averages_own(&self) -> bool {
+        self.transport.is_some() || self.confidence
     }
 
     /// Adds the interpolated local correction.
     #[inline(always)]
-    fn correct(&self, face: u32, x: &[S; 3], y: &Vector<S, D>, own: &Vector<S, D>, mean: Vector<S, D>) -> Vector<S, D> {
-        if self.corrections.is_empty() {
-            return mean;
-        }
+    fn correct(
+        &self,
+        face: u32,
+        x: &[S; 3],
+        y: &Vector<S, D>,
+        own: Option<&Vector<S, D>>,
+        mean: Vector<S, D>,
+    ) -> Vector<S, D> {
+        let Some(own) = own.filter(|_| !self.corrections.is_empty()) else { return mean };
         let [a, b, c] = self.target.triangles[face as usize].v.map(|v| &self.corrections[v as usize]);
         let expected = x[0] * a.residual + x[1] * b.residual + x[2] * c.residual;
         let r = sub(y, own);
@@ -292,19 +294,22 @@ impl<S: Real, const D: usize> WeightedAverages<S, D> {
     pub fn evidence(&self, face: u32, scratch: &Scratch<S, D>, image: &Projection<S>) -> Evidence {
         Evidence {
             residual: image.distance_squared.to_f64().sqrt() * self.unit,
-            round_trip: self.transport.is_none().then(|| self.round_trip(face, scratch)),
+            round_trip: scratch
+                .own
+                .filter(|_| self.transport.is_none())
+                .map(|own| self.round_trip(face, &scratch.y, &own)),
             found: image.found,
         }
     }
 
     /// Distance, in mean edges, between a point and the forward problem's answer to its own weights on its own surface (section 4.4).
-    pub fn round_trip(&self, face: u32, scratch: &Scratch<S, D>) -> f64 {
+    pub fn round_trip(&self, face: u32, y: &Vector<S, D>, own: &Vector<S, D>) -> f64 {
         let starts = self.target.triangles[face as usize].v.map(|v| self.own_starts[v as usize]);
-        let back = self.target.project(&scratch.own, &starts, SearchLimits::FIRST);
+        let back = self.target.project(own, &starts, SearchLimits::FIRST);
         if back.face == NONE || back.found == Found::Nothing {
             return f64::INFINITY;
         }
-        distance_squared(&self.target.triangle(back.face).point(&back.x), &scratch.y).to_f64().sqrt()
+        distance_squared(&self.target.triangle(back.face).point(&back.x), y).to_f64().sqrt()
     }
 
     /// Maps one point.
@@ -341,12 +346,13 @@ impl<S: Real, const D: usize> WeightedAverages<S, D> {
 impl<S: LaneScalar, const D: usize> WeightedAverages<S, D> {
     /// Maps a chunk of points: frames and averages in SIMD lanes, then each projection for itself.
     fn map_chunk(&self, points: &[PackedPoint], out: &mut [PackedImage], chunk: &mut AveragedChunk<S, D>) {
-        let images = [self.table.image.as_slice(), self.own.own.as_slice()];
-        let anchors = SweepAnchors { own: &self.own.own, images: &images, transport: self.transport.as_ref() };
+        let both = [self.table.image.as_slice(), self.table.own.as_slice()];
+        let images = if self.averages_own() { &both[..] } else { &both[..1] };
+        let anchors = SweepAnchors { own: &self.table.own, images, transport: self.transport.as_ref() };
         chunk.compute(Lanes::detect(), &self.target, anchors, points);
         for (i, (point, image)) in points.iter().zip(out).enumerate() {
-            let (y, own) = (chunk.point(i), chunk.mean(1, i));
-            let mean = self.correct(point.face, &coordinates(*point), &y, &own, chunk.mean(0, i));
+            let (y, own) = (chunk.point(i), self.averages_own().then(|| chunk.mean(1, i)));
+            let mean = self.correct(point.face, &coordinates(*point), &y, own.as_ref(), chunk.mean(0, i));
             *image = self.finish(point.face, &Scratch { y, own, mean });
         }
     }

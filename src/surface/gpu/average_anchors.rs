@@ -4,8 +4,8 @@ use crate::engine::{BindingKind, Kernel, Layout, UNIFORM_BLOCK};
 use crate::kernel_layout as layout;
 use crate::surface::correspondence::{AVERAGE_SCALE, WeightedAverages};
 
-/// Anchors that fit the kernel's uniform block: two vectors of R^8 each.
-pub const MOST_ANCHORS: usize = UNIFORM_BLOCK as usize / 64;
+/// Anchors that fit a uniform block: two vectors of R^8 each. With more, a dispatch works on one block at a time.
+pub const BLOCK_ANCHORS: usize = UNIFORM_BLOCK as usize / 64;
 
 /// Vectors of R^8 written per point: the average on the source, the average of the target's own anchors, the point.
 pub(super) const VECTORS: usize = 3;
@@ -15,19 +15,39 @@ pub(super) const VECTORS: usize = 3;
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct AverageParams {
     anchors: u32,
+    first: u32,
+    last: u32,
     transported: u32,
     scale: f32,
     corrected: u32,
+    unused0: u32,
+    unused1: u32,
     transport: [[f32; 8]; 8],
 }
 
-const LAYOUTS: &[Layout] = &[layout!(AverageParams, { anchors, transported, scale, corrected, transport })];
+const LAYOUTS: &[Layout] = &[layout!(AverageParams, {
+    anchors, first, last, transported, scale, corrected, unused0, unused1, transport
+})];
 
-/// Both averages: on the source, and of the target's own anchors for corrections and the round trip.
-pub(super) static AVERAGE_ANCHORS: Kernel = variant(&[("OWN", 1.0)]);
-
+/// Both averages: on the source, and of the target's own anchors for corrections and the round trip. All anchors in one dispatch.
+pub(super) static AVERAGE_ANCHORS: Kernel = variant(&[("OWN", 1.0), ("PART", 0.0)]);
 /// The average on the source alone.
-pub(super) static AVERAGE_ANCHORS_ONCE: Kernel = variant(&[("OWN", 0.0)]);
+static AVERAGE_ONCE: Kernel = variant(&[("OWN", 0.0), ("PART", 0.0)]);
+/// One block of the first pass over the anchors.
+static SUM_ANCHORS: Kernel = variant(&[("OWN", 0.0), ("PART", 1.0)]);
+/// One block of the second pass, for both averages and for one.
+static AVERAGE_BLOCK: Kernel = variant(&[("OWN", 1.0), ("PART", 2.0)]);
+static AVERAGE_BLOCK_ONCE: Kernel = variant(&[("OWN", 0.0), ("PART", 2.0)]);
+
+/// The dispatches that average `anchors` anchors, in order: variant of the kernel and block.
+pub(super) fn dispatches(anchors: usize, own: bool) -> Vec<(&'static Kernel, usize)> {
+    let blocks = anchors.div_ceil(BLOCK_ANCHORS);
+    if blocks <= 1 {
+        return vec![(if own { &AVERAGE_ANCHORS } else { &AVERAGE_ONCE }, 0)];
+    }
+    let averages = if own { &AVERAGE_BLOCK } else { &AVERAGE_BLOCK_ONCE };
+    [&SUM_ANCHORS, averages].into_iter().flat_map(|kernel| (0..blocks).map(move |block| (kernel, block))).collect()
+}
 
 const fn variant(constants: &'static [(&'static str, f64)]) -> Kernel {
     Kernel {
@@ -49,13 +69,19 @@ const fn variant(constants: &'static [(&'static str, f64)]) -> Kernel {
 }
 
 impl AverageParams {
-    /// The parameters of a map.
-    pub(super) fn new(map: &WeightedAverages<f32, 8>) -> Self {
+    /// The parameters of a map for one block of its anchors.
+    pub fn new(map: &WeightedAverages<f32, 8>, block: usize) -> Self {
+        let first = block * BLOCK_ANCHORS;
+        let left = map.table.len().saturating_sub(first);
         Self {
-            anchors: map.table.len() as u32,
+            anchors: left.min(BLOCK_ANCHORS) as u32,
+            first: first as u32,
+            last: u32::from(left <= BLOCK_ANCHORS),
             transported: u32::from(map.transport.is_some()),
             scale: AVERAGE_SCALE as f32,
             corrected: u32::from(!map.corrections.is_empty()),
+            unused0: 0,
+            unused1: 0,
             transport: map.transport.unwrap_or_default(),
         }
     }

@@ -6,9 +6,7 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use super::average_anchors::{
-    AVERAGE_ANCHORS, AVERAGE_ANCHORS_ONCE, AverageParams, MOST_ANCHORS, VECTORS, anchor_block, correction_records,
-};
+use super::average_anchors::{AVERAGE_ANCHORS, AverageParams, VECTORS, anchor_block, correction_records, dispatches};
 use super::project_phong::{PROJECT_PHONG, ProjectParams, Projected, SEARCH_PHONG};
 use super::tables::SurfaceTables;
 use crate::engine::{
@@ -26,7 +24,7 @@ const MOST_POINTS: usize = 131_072;
 const LEAST_POINTS: usize = 1024;
 /// Points of the first tile, whose time holds the compilation of the kernels.
 const FIRST_POINTS: usize = 4096;
-/// Tiles are made no smaller than this for the sake of time.
+/// Tiles are made no smaller than this for the sake of time, where one dispatch averages all anchors.
 const SMALL_TILE: usize = 16_384;
 /// Time two tiles, the one before included, may take before the next is made smaller.
 const TILE_TIME: Duration = Duration::from_millis(400);
@@ -63,9 +61,18 @@ struct Tile {
     next: usize,
     points: Buffer<PackedPoint>,
     _averages: Buffer<[f32; 8]>,
-    average: (Arc<Pipeline>, BindGroup, UniformBlocks<AverageParams>),
+    /// One after the other.
+    average: Vec<Averaging>,
     forward: Projection,
     back: Option<Projection>,
+}
+
+/// Inverse problem and averages, or the part of it that one dispatch does.
+#[derive(Debug)]
+struct Averaging {
+    pipeline: Arc<Pipeline>,
+    group: BindGroup,
+    _params: UniformBlocks<AverageParams>,
 }
 
 /// One of the two projections: the walk, the compaction of what it leaves, the search.
@@ -80,15 +87,12 @@ struct Projection {
 
 impl DeviceMap {
     /// Why the kernels cannot do this work on `engine`; `None` if they can.
-    pub fn obstacle(engine: &Engine, dimension: usize, anchors: usize) -> Option<String> {
+    pub fn obstacle(engine: &Engine, dimension: usize) -> Option<String> {
         let stages = [AVERAGE_ANCHORS.name, PROJECT_PHONG.name];
         if let Some(stage) = stages.into_iter().find(|s| engine.gpu_for(s).is_none()) {
             return Some(format!("{stage} runs on the CPU"));
         }
-        if dimension != 8 {
-            return Some(format!("the kernels work in 8 dimensions, the embedding has {dimension}"));
-        }
-        (anchors > MOST_ANCHORS).then(|| format!("the kernels take {MOST_ANCHORS} anchors, there are {anchors}"))
+        (dimension > 8).then(|| format!("the kernels work in 8 dimensions, the embedding has {dimension}"))
     }
 
     /// Puts a map on the device of `engine`.
@@ -98,7 +102,7 @@ impl DeviceMap {
     /// [`Error::Device`] if it does not fit.
     pub fn new(engine: &Engine, map: WeightedAverages<f32, 8>) -> Result<Self> {
         let refuse = |why: String| Error::input(why, "Use --backend cpu");
-        if let Some(why) = Self::obstacle(engine, 8, map.table.len()) {
+        if let Some(why) = Self::obstacle(engine, 8) {
             return Err(refuse(why));
         }
         let Some(gpu) = engine.gpu() else { return Err(refuse("there is no device".into())) };
@@ -238,30 +242,32 @@ impl Tile {
         let capacity = usize::try_from(free).unwrap_or(usize::MAX).clamp(LEAST_POINTS, MOST_POINTS);
         let points = gpu.buffer::<PackedPoint>("points", capacity)?;
         let averages = gpu.buffer::<[f32; 8]>("averages", capacity * VECTORS)?;
-        let params = gpu.uniform("average parameters", &AverageParams::new(map))?;
-        let round_trip = !map.own_starts.is_empty();
-        let own = round_trip || !map.corrections.is_empty();
-        let pipeline = gpu.pipeline(if own { &AVERAGE_ANCHORS } else { &AVERAGE_ANCHORS_ONCE })?;
-        let bindings = [
-            params.bind(0),
-            anchors.bind(0),
-            points.bind(),
-            averages.bind(),
-            target.vertices.bind(),
-            target.triangles.bind(),
-            corrections.bind(),
-        ];
-        let group = gpu.bind(&pipeline, &bindings)?;
+        let average = dispatches(map.table.len(), map.averages_own()).into_iter().map(|(kernel, block)| {
+            let pipeline = gpu.pipeline(kernel)?;
+            let params = gpu.uniform("average parameters", &AverageParams::new(map, block))?;
+            let bindings = [
+                params.bind(0),
+                anchors.bind(block),
+                points.bind(),
+                averages.bind(),
+                target.vertices.bind(),
+                target.triangles.bind(),
+                corrections.bind(),
+            ];
+            let group = gpu.bind(&pipeline, &bindings)?;
+            Ok(Averaging { pipeline, group, _params: params })
+        });
+        let average = average.collect::<Result<Vec<_>>>()?;
         let forward = ProjectParams::forward(gpu.capabilities(), source)?;
         let forward = Projection::new(gpu, capacity, forward, &averages, &points, source, starts)?;
-        let back = if round_trip {
+        let back = if !map.own_starts.is_empty() {
             let back = ProjectParams::back(gpu.capabilities(), target)?;
             Some(Projection::new(gpu, capacity, back, &averages, &points, target, own_starts)?)
         } else {
             None
         };
         let next = FIRST_POINTS.min(capacity);
-        Ok(Self { capacity, next, points, _averages: averages, average: (pipeline, group, params), forward, back })
+        Ok(Self { capacity, next, points, _averages: averages, average, forward, back })
     }
 
     fn submit(
@@ -274,7 +280,9 @@ impl Tile {
         gpu.write(&self.points, 0, points)?;
         let n = points.len();
         let mut batch = gpu.batch()?;
-        batch.dispatch(&self.average.0, &self.average.1, n)?;
+        for part in &self.average {
+            batch.dispatch(&part.pipeline, &part.group, n)?;
+        }
         let stages = || [Some(&self.forward), self.back.as_ref()].into_iter().flatten();
         for p in stages() {
             batch.dispatch(&p.walk.0, &p.walk.1, n)?;
@@ -294,7 +302,8 @@ impl Tile {
             return;
         }
         if time > TILE_TIME {
-            self.next = (self.next / 2).max(SMALL_TILE).min(self.capacity);
+            let least = (SMALL_TILE / self.average.len()).max(LEAST_POINTS);
+            self.next = (self.next / 2).max(least).min(self.capacity);
         } else if time < TILE_TIME / 3 {
             self.next = (self.next * 2).min(self.capacity);
         }

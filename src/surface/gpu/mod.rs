@@ -2,7 +2,7 @@
 //!
 //! | kernel | what it does | reference |
 //! |---|---|---|
-//! | `average_anchors` | inverse problem and average | [`average_fused`](crate::surface::average::average_fused) |
+//! | `average_anchors` | inverse problem and average | [`FusedWeights`](crate::surface::average::FusedWeights) |
 //! | `project_phong` | projection by walks over vertices and triangles | [`PhongSurface::project`](crate::surface::PhongSurface::project) |
 //! | `search_phong` | the first level of the search, for what the walks leave | the same |
 //!
@@ -13,13 +13,14 @@ mod map;
 mod project_phong;
 mod tables;
 
-pub use average_anchors::{AverageParams, MOST_ANCHORS};
+pub use average_anchors::{AverageParams, BLOCK_ANCHORS};
 pub use map::DeviceMap;
 pub use project_phong::{ProjectParams, Projected};
 pub use tables::SurfaceTables;
 
 use crate::engine::{Backend, Engine, Kernel};
 use crate::error::Result;
+use crate::surface::Embedding;
 use crate::surface::anchors::AnchorPairs;
 use crate::surface::correspondence::{
     CorrespondenceOptions, Precision, Shape, WeightedAverages, correspondence, dimension,
@@ -29,6 +30,17 @@ use crate::surface::packed::PointMap;
 /// The kernels of this folder.
 pub const KERNELS: &[&Kernel] =
     &[&average_anchors::AVERAGE_ANCHORS, &project_phong::PROJECT_PHONG, &project_phong::SEARCH_PHONG];
+
+/// An embedding in fewer dimensions as one in 8: zeros change no distance.
+fn padded(shape: &Shape<'_>) -> Option<Embedding> {
+    let embedding = shape.embedding.filter(|e| e.dimension < 8)?;
+    let mut points = Vec::with_capacity(embedding.points.len() / embedding.dimension * 8);
+    for point in embedding.points.chunks_exact(embedding.dimension) {
+        points.extend_from_slice(point);
+        points.resize(points.len() + 8 - point.len(), 0.0);
+    }
+    Some(Embedding { dimension: 8, points, ..embedding.clone() })
+}
 
 /// The map from the target to the source where `engine` works: on its device, or on the CPU in the engine's precision. Where there is a device that
 /// cannot do this work, the CPU does it and the second value says why, in one line.
@@ -51,10 +63,16 @@ pub fn correspondence_on(
     if !options.method.needs_embedding() {
         return on_cpu(Some(format!("method {} runs on the CPU", options.method.name())));
     }
-    if let Some(why) = DeviceMap::obstacle(engine, dimension(&source, &target)?, anchors.len()) {
+    if let Some(why) = DeviceMap::obstacle(engine, dimension(&source, &target)?) {
         return on_cpu(Some(format!("the correspondence runs on the CPU: {why}")));
     }
     anchors.check((source.mesh, source.topology), (target.mesh, target.topology))?;
-    let map = WeightedAverages::new(source, target, anchors, &options)?;
+    let (padded_source, padded_target) = (padded(&source), padded(&target));
+    let map = WeightedAverages::new(
+        Shape { embedding: padded_source.as_ref().or(source.embedding), ..source },
+        Shape { embedding: padded_target.as_ref().or(target.embedding), ..target },
+        anchors,
+        &options,
+    )?;
     Ok((Box::new(DeviceMap::new(engine, map)?), None))
 }

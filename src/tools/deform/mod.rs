@@ -3,6 +3,7 @@
 //! Handles are points; their rotations follow from the encoding. Everything is computed about the rest shape's centre at diagonal one.
 
 mod followers;
+mod normals;
 mod request;
 
 use glam::DVec3;
@@ -16,6 +17,7 @@ use crate::geometry::{Mesh, NONE};
 use crate::io::cache::Cache;
 
 use followers::Followers;
+use normals::turn_normals;
 pub use request::Handles;
 
 /// A posed mesh.
@@ -117,10 +119,10 @@ impl Deformer {
             .iter()
             .map(|v| targets.get(v).map_or(self.rest[*v as usize], |p| ((*p - self.centre) / self.diagonal).to_array()))
             .collect();
-        let starts = self.starts(&held);
+        let (scale, starts) = self.starts(&held);
         let component: Vec<u32> = hierarchy.order.iter().map(|&v| self.connectivity.component[v as usize]).collect();
         let start = |v: usize, p: V3<f64>| starts[component[v] as usize].apply(DVec3::from(p)).to_array();
-        let (decoded, report) = self.decoder.decode(&held, start, quality, warm)?;
+        let (decoded, report) = self.decoder.decode(&held, start, scale, quality, warm)?;
         let hierarchy = self.decoder.hierarchy();
         let mut result = self.original.clone();
         let back = |p: V3<f64>| DVec3::from(p) * self.diagonal + self.centre;
@@ -133,6 +135,20 @@ impl Deformer {
         }
         self.followers.place(&self.rest, hierarchy, &decoded, |v, p| result[v as usize] = back(p));
         Ok(Deformation { positions: result, report })
+    }
+
+    /// Puts a result's positions into `mesh`, which is the one this deformer was made for, and turns its normals along.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if `mesh` has another number of vertices.
+    pub fn pose(&self, mesh: &mut Mesh, positions: Vec<DVec3>) -> Result<()> {
+        if positions.len() != self.original.len() || mesh.vertex_count() != self.original.len() {
+            let what = format!("{} positions for {} of {} vertices", positions.len(), mesh.name, mesh.vertex_count());
+            return Err(Error::input(what, "Use the mesh the deformer was made for"));
+        }
+        mesh.positions = positions;
+        turn_normals(mesh, &self.connectivity, &self.original);
+        Ok(())
     }
 
     /// Compares a shape with the rest shape; see [`Measures`].
@@ -148,8 +164,8 @@ impl Deformer {
         &self.name
     }
 
-    /// The similarity with which each component begins: that of all held vertices, then that of its own.
-    fn starts(&self, held: &[V3<f64>]) -> Vec<Similarity> {
+    /// The similarity with which each component begins, that of all held vertices, then that of its own; and the scale of the first.
+    fn starts(&self, held: &[V3<f64>]) -> (f64, Vec<Similarity>) {
         let hierarchy = self.decoder.hierarchy();
         let pairs: Vec<(DVec3, DVec3)> =
             self.decoder.rest()[..hierarchy.held].iter().zip(held).map(|(&a, &b)| (a.into(), b.into())).collect();
@@ -158,7 +174,7 @@ impl Deformer {
         for (&v, &(a, b)) in hierarchy.order.iter().zip(&pairs) {
             own[self.connectivity.component[v as usize] as usize].push((all.apply(a), b));
         }
-        own.iter().map(|pairs| all.then(&Similarity::fit(pairs))).collect()
+        (all.scale, own.iter().map(|pairs| all.then(&Similarity::fit(pairs))).collect())
     }
 }
 

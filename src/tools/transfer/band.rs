@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::atlas::{AtlasTexel, Tile, rasterize_atlas};
 use super::bins::{Atlas, Bins};
 use super::footprint::{Footprint, Located, footprint, locate};
+use super::gpu::Rasterizer;
 use super::tables::{SourceTriangle, TargetTriangle};
 use crate::error::{Error, Result};
 use crate::geometry::NONE;
@@ -23,6 +24,7 @@ pub(super) struct Window<'a> {
     map: &'a dyn PointMap,
     source_faces: usize,
     most_entries: usize,
+    device: Option<Rasterizer<'a>>,
     /// First row at hand, and the row after the last.
     rows: std::ops::Range<usize>,
     texels: Vec<AtlasTexel>,
@@ -40,6 +42,7 @@ impl<'a> Window<'a> {
         map: &'a dyn PointMap,
         source_faces: usize,
         most_entries: usize,
+        device: Option<Rasterizer<'a>>,
     ) -> Self {
         Self {
             width: size[0] as usize,
@@ -49,6 +52,7 @@ impl<'a> Window<'a> {
             map,
             source_faces,
             most_entries,
+            device,
             rows: 0..0,
             texels: Vec::new(),
             images: Vec::new(),
@@ -71,7 +75,11 @@ impl<'a> Window<'a> {
         self.images.resize((end - first) * self.width, PackedImage::NOWHERE);
         let tile = Tile { x: 0, y: from as u32, width: self.width as u32, height: (end - from) as u32 };
         let bins = Bins::new(&tile, &self.atlas, self.most_entries)?;
-        rasterize_atlas(&tile, &bins, &self.atlas.triangles, &mut self.texels[kept..]);
+        let texels = &mut self.texels[kept..];
+        match &mut self.device {
+            Some(device) => device.rasterize(&tile, &bins, &self.atlas.triangles, texels)?,
+            None => rasterize_atlas(&tile, &bins, &self.atlas.triangles, texels),
+        }
         watch.lap("rasterize_atlas");
 
         self.points.clear();

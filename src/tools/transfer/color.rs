@@ -15,7 +15,7 @@ pub fn linear_to_srgb(x: f32) -> f32 {
 }
 
 /// A depth of samples.
-pub(super) trait Sample: Copy + Default + Send + Sync + 'static {
+pub(crate) trait Sample: Copy + Default + Send + Sync + 'static {
     /// The value to average: in 0..1 for integers; light if `light`.
     fn decode(self, light: bool) -> f32;
     /// The nearest sample to a value.
@@ -24,6 +24,15 @@ pub(super) trait Sample: Copy + Default + Send + Sync + 'static {
 
 static LIGHT_8: LazyLock<Vec<f32>> = LazyLock::new(|| light_table(255));
 static LIGHT_16: LazyLock<Vec<f32>> = LazyLock::new(|| light_table(65535));
+
+/// The light of all sRGB samples of `count` values (256 or 65,536); nothing for 0.
+pub(super) fn light_values(count: usize) -> &'static [f32] {
+    match count {
+        0 => &[],
+        256 => &LIGHT_8,
+        _ => &LIGHT_16,
+    }
+}
 
 fn light_table(most: u32) -> Vec<f32> {
     (0..=most).map(|i| srgb_to_linear(i as f32 / most as f32)).collect()

@@ -6,6 +6,7 @@ use super::atlas::AtlasTexel;
 use super::band::Window;
 use super::bins::Atlas;
 use super::footprint::Footprint;
+use super::gpu::{DeviceTexture, Sampler, Stages};
 use super::layer::{Layer, blank, copy_padding, store};
 use super::mip::MipChain;
 use super::pad::pad_seams;
@@ -13,6 +14,7 @@ use super::plan::Plan;
 use super::sample::{SampleParams, sample_texture};
 use super::tables::{source_triangles, target_triangles};
 use super::{LARGEST_SIDE, TransferOptions, TransferOutput, TransferStats, coverage};
+use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, NONE};
 use crate::progress::Progress;
@@ -20,14 +22,10 @@ use crate::raster::{Image, Pixels};
 use crate::surface::PointMap;
 use crate::tools::stopwatch::Stopwatch;
 
-/// Transfers the `layers` of `source` onto the texture of `target`.
-///
-/// `map` takes points of the target to points of the source. The result is the same, byte for byte, for any number of threads and any
-/// memory limit, if the map's is.
+/// Transfers the `layers` of `source` onto the texture of `target`, all stages but the map on the CPU; see [`transfer_on`].
 ///
 /// # Errors
-/// If an option is out of range; a mesh has no texture coordinates, or one that is not finite; a layer's pictures do not fit together;
-/// the work does not fit into `options.memory`; or the map fails.
+/// As [`transfer_on`], but for the device's.
 pub fn transfer(
     source: &Mesh,
     layers: &[Layer<'_>],
@@ -36,8 +34,38 @@ pub fn transfer(
     options: &TransferOptions,
     progress: &dyn Progress,
 ) -> Result<TransferOutput> {
+    transfer_on(&Engine::cpu(), source, layers, target, map, options, progress)
+}
+
+/// Transfers the `layers` of `source` onto the texture of `target` where `engine` works.
+///
+/// `map` takes points of the target to points of the source; it works where it was made for. The result is the same, byte for byte, for any
+/// number of threads and any memory limit, if the map's is. A stage that the engine keeps on the CPU, or whose data are more than the device or
+/// `options.memory` holds, runs there; [`TransferStats::notes`] says why. On devices colours may round to a neighbouring value.
+///
+/// # Errors
+/// If an option is out of range; a mesh has no texture coordinates, or one that is not finite; a layer's pictures do not fit together;
+/// the work does not fit into `options.memory`; the map fails; or the device does.
+pub fn transfer_on(
+    engine: &Engine,
+    source: &Mesh,
+    layers: &[Layer<'_>],
+    target: &Mesh,
+    map: &dyn PointMap,
+    options: &TransferOptions,
+    progress: &dyn Progress,
+) -> Result<TransferOutput> {
     check(source, layers, target, options)?;
-    let plan = Plan::new(source, layers, target, options)?;
+    let mut stages = Stages::new(engine, layers, options);
+    let plan = match Plan::new(source, layers, target, options, &stages) {
+        Err(Error::Memory { required, allowed, .. }) if stages.any() => {
+            stages = Stages::none(format!(
+                "the transfer runs on the CPU: with the device's copies it needs {required} bytes, {allowed} are allowed"
+            ));
+            Plan::new(source, layers, target, options, &stages)?
+        }
+        plan => plan?,
+    };
     let mut watch = Stopwatch::new();
     let shapes = layers[0].texture_of(source);
     let table = source_triangles(source, |t| {
@@ -45,16 +73,21 @@ pub fn transfer(
         [image.width, image.height]
     })?;
     drop(shapes);
-    let grid = |scale: u32| -> Result<Window<'_>> {
+    let mut grid = |scale: u32| -> Result<Window<'_>> {
         let size = [options.width * scale, options.height * scale];
         let atlas = Atlas::new(target, size[0], size[1], options.region, options.material, plan.most_triangles)?;
         let target = target_triangles(target, source, size[0], size[1])?;
-        Ok(Window::new(size, atlas, target, map, source.triangle_count(), plan.most_entries))
+        let device = stages.rasterizer(&atlas.triangles, size[0] as usize)?;
+        Ok(Window::new(size, atlas, target, map, source.triangle_count(), plan.most_entries, device))
     };
     let mut coarse = grid(1)?;
     let mut fine = if options.supersample > 1 { Some(grid(options.supersample)?) } else { None };
     watch.lap("prepare");
     let mut outputs = layers.iter().map(|l| Output::new(l, source, options)).collect::<Result<Vec<_>>>()?;
+    let mut sampler = stages.sampler(|s| outputs.iter_mut().try_for_each(|o| o.upload(s, options)))?;
+    if sampler.is_none() {
+        outputs.iter_mut().for_each(|o| o.device.clear());
+    }
     watch.lap("mip");
 
     let (width, height) = (options.width as usize, options.height as usize);
@@ -76,7 +109,7 @@ pub fn transfer(
             watch.lap("footprint");
         }
         for output in &mut outputs {
-            output.sample(&rows, &coarse, fine.as_ref(), &mut scratch, options);
+            output.sample(&rows, &coarse, fine.as_ref(), &mut scratch, options, sampler.as_mut())?;
         }
         watch.lap("sample_texture");
         let band = &mut covers[rows.start * width..rows.end * width];
@@ -95,13 +128,18 @@ pub fn transfer(
         bands,
         ..tally.stats()
     };
-    drop((coarse, fine, scratch));
+    outputs.iter_mut().for_each(|o| o.device.clear());
+    drop((coarse, fine, scratch, sampler));
     if options.margin > 0 {
         progress.stage("padding", height as u64);
         let mut nearest = Vec::new();
+        let mut padder = stages.padder(&covers, width, options.margin)?;
         for start in (0..height).step_by(plan.rows) {
             let rows = start..(start + plan.rows).min(height);
-            pad_seams(&covers, width, rows.clone(), options.margin, &mut nearest);
+            match &mut padder {
+                Some(padder) => padder.nearest(rows.clone(), &mut nearest)?,
+                None => pad_seams(&covers, width, rows.clone(), options.margin, &mut nearest),
+            }
             let first = rows.start * width;
             for output in &mut outputs {
                 copy_padding(&mut output.image, first, &nearest);
@@ -117,6 +155,7 @@ pub fn transfer(
         watch.lap("pad_seams");
     }
     stats.stages = watch.stages().to_vec();
+    (stats.device_stages, stats.notes) = stages.report();
     let coverage = Image { width: options.width, height: options.height, channels: 1, pixels: Pixels::U8(covers) };
     Ok(TransferOutput { layers: outputs.into_iter().map(|o| o.image).collect(), coverage, stats })
 }
@@ -165,6 +204,8 @@ struct Scratch {
 /// A layer and its result.
 struct Output<'a> {
     chains: Vec<MipChain<'a>>,
+    /// The chains on a device, if sampling works there.
+    device: Vec<DeviceTexture>,
     texture_of: Vec<u32>,
     image: Image,
 }
@@ -174,20 +215,39 @@ impl<'a> Output<'a> {
         let (channels, depth) = layer.output_format(options.background);
         Ok(Self {
             chains: layer.images.iter().map(|i| MipChain::new(i, layer.encoding)).collect::<Result<_>>()?,
+            device: Vec::new(),
             texture_of: layer.texture_of(source),
             image: blank(options.width, options.height, channels, depth, options.background)?,
         })
     }
 
+    /// Brings the chains to the device that samples.
+    fn upload(&mut self, sampler: &Sampler<'_>, options: &TransferOptions) -> Result<()> {
+        for chain in &self.chains {
+            self.device.push(sampler.texture(chain, options.filter, options.taps)?);
+        }
+        Ok(())
+    }
+
     /// Colours at footprints.
-    fn colors(&self, footprints: &[Footprint], options: &TransferOptions, colors: &mut Vec<f32>) {
+    fn colors(
+        &self,
+        footprints: &[Footprint],
+        options: &TransferOptions,
+        colors: &mut Vec<f32>,
+        mut sampler: Option<&mut Sampler<'_>>,
+    ) -> Result<()> {
         let channels = self.image.channels;
         colors.clear();
         colors.resize(footprints.len() * channels as usize, 0.0);
         for (texture, chain) in self.chains.iter().enumerate() {
             let params = SampleParams { filter: options.filter, taps: options.taps, channels, texture: texture as u32 };
-            sample_texture(chain, &params, &self.texture_of, footprints, colors);
+            match (&mut sampler, self.device.get(texture)) {
+                (Some(s), Some(device)) => s.sample(device, chain, &params, &self.texture_of, footprints, colors)?,
+                _ => sample_texture(chain, &params, &self.texture_of, footprints, colors),
+            }
         }
+        Ok(())
     }
 
     /// Fills the rows of the result.
@@ -198,15 +258,17 @@ impl<'a> Output<'a> {
         fine: Option<&Window<'_>>,
         scratch: &mut Scratch,
         options: &TransferOptions,
-    ) {
-        self.colors(&scratch.footprints, options, &mut scratch.colors);
+        mut sampler: Option<&mut Sampler<'_>>,
+    ) -> Result<()> {
+        self.colors(&scratch.footprints, options, &mut scratch.colors, sampler.as_deref_mut())?;
         if let Some(fine) = fine {
-            self.colors(&scratch.fine_footprints, options, &mut scratch.fine_colors);
+            self.colors(&scratch.fine_footprints, options, &mut scratch.fine_colors, sampler)?;
             self.average(rows, coarse, fine, scratch, options.supersample as usize);
         }
         let encoding = self.chains[0].encoding;
         let first = rows.start * coarse.width;
         store(&mut self.image, first, encoding, &self.texture_of, &scratch.footprints, &scratch.colors);
+        Ok(())
     }
 
     /// Replaces the colour of each texel by the mean of its samples whose centres lie in the same chart, if there are any.

@@ -28,7 +28,7 @@ pub struct Encoding {
 impl Encoding {
     /// Decodes the channels of one texel: light if asked for, colours premultiplied.
     #[inline(always)]
-    pub(super) fn decode<T: Sample, const C: usize>(self, texel: &[T]) -> [f32; C] {
+    pub(crate) fn decode<T: Sample, const C: usize>(self, texel: &[T]) -> [f32; C] {
         let mut out = [0.0; C];
         let colors = if C.is_multiple_of(2) { C - 1 } else { C };
         for (c, out) in out.iter_mut().enumerate() {

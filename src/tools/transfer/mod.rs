@@ -11,6 +11,7 @@ pub mod bins;
 pub mod charts;
 pub mod color;
 pub mod footprint;
+pub mod gpu;
 pub mod mip;
 pub mod pad;
 pub mod sample;
@@ -23,7 +24,7 @@ mod plan;
 
 pub use crate::tools::stopwatch::StageTime;
 pub use bins::UvRegion;
-pub use driver::transfer;
+pub use driver::{transfer, transfer_on};
 pub use layer::Layer;
 pub use mip::{Alpha, Encoding};
 pub use plan::memory_needed;
@@ -148,4 +149,8 @@ pub struct TransferStats {
     pub bands: u64,
     /// Time of each stage.
     pub stages: Vec<StageTime>,
+    /// Stages that ran on a device, the map aside.
+    pub device_stages: Vec<&'static str>,
+    /// Why stages that were to run on a device did not, a line each.
+    pub notes: Vec<String>,
 }

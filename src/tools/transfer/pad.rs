@@ -10,6 +10,9 @@ use crate::geometry::NONE;
 /// Coverage from this value on is covered and may be copied from.
 pub const COVERED: u8 = 128;
 
+/// More than the diagonal of the largest texture: larger margins are no different.
+pub(super) const LARGEST_MARGIN: u32 = 23_171;
+
 /// For each texel of rows `rows` the index (row times width plus column) of the nearest covered texel of the picture at a
 /// distance of at most `margin` texels, the lowest index on ties, or [`NONE`]. A covered texel is its own.
 ///
@@ -17,6 +20,7 @@ pub const COVERED: u8 = 128;
 /// Time O(margin) per uncovered texel; 4 bytes per texel of the rows and of `margin` more on either side.
 pub fn pad_seams(coverage: &[u8], width: usize, rows: std::ops::Range<usize>, margin: u32, nearest: &mut Vec<u32>) {
     let height = coverage.len().checked_div(width).unwrap_or(0);
+    let margin = margin.min(LARGEST_MARGIN);
     let columns = nearest_in_columns(coverage, width, height, &rows, margin);
     nearest.clear();
     nearest.resize(rows.len() * width, NONE);

@@ -1,6 +1,7 @@
 //! How much memory a transfer takes, and the bands of rows that keep it within a limit.
 
 use super::bins::Atlas;
+use super::gpu::Stages;
 use super::mip::MipChain;
 use super::tables::{SourceTriangle, TargetTriangle};
 use super::{Layer, TransferOptions};
@@ -58,7 +59,8 @@ fn row(options: &TransferOptions) -> u64 {
 const HALO: u64 = 2;
 
 /// The least memory with which [`super::transfer`] does this work, in bytes: results, mip chains of the sources, tables, and
-/// the smallest bands. More makes larger bands. Meshes whose triangles crowd a few rows may need more for their bins.
+/// the smallest bands. More makes larger bands, and lets a device work: its copies count, too. Meshes whose triangles crowd a few rows
+/// may need more for their bins.
 pub fn memory_needed(source: &Mesh, layers: &[Layer<'_>], target: &Mesh, options: &TransferOptions) -> u64 {
     fixed(source, layers, target, options) + (1 + HALO) * row(options) + least_bins(target)
 }
@@ -69,8 +71,15 @@ fn least_bins(target: &Mesh) -> u64 {
 }
 
 impl Plan {
-    pub(super) fn new(source: &Mesh, layers: &[Layer<'_>], target: &Mesh, options: &TransferOptions) -> Result<Self> {
-        let needed = memory_needed(source, layers, target, options);
+    pub(super) fn new(
+        source: &Mesh,
+        layers: &[Layer<'_>],
+        target: &Mesh,
+        options: &TransferOptions,
+        stages: &Stages<'_>,
+    ) -> Result<Self> {
+        let device = stages.bytes(target, layers, options);
+        let needed = memory_needed(source, layers, target, options) + device;
         if needed > options.memory {
             return Err(Error::Memory {
                 what: format!("a transfer to {} x {} texels", options.width, options.height),
@@ -78,7 +87,7 @@ impl Plan {
                 allowed: options.memory,
             });
         }
-        let base = fixed(source, layers, target, options) + least_bins(target);
+        let base = fixed(source, layers, target, options) + least_bins(target) + device;
         let row = row(options);
         let band = LARGEST_BAND.div_ceil(u64::from(options.width)).clamp(1, u64::from(options.height));
         let rows = ((options.memory - base) / row - HALO).clamp(1, band);

@@ -100,8 +100,9 @@ fn run<T: Sample, const C: usize>(
 }
 
 /// Writes a colour into a wider one: grey to all of RGB, alpha 1 where there was none.
-fn widen<const C: usize>(color: &[f32; C], out: &mut [f32]) {
-    match (C, out.len()) {
+#[inline(always)]
+pub(super) fn widen(color: &[f32], out: &mut [f32]) {
+    match (color.len(), out.len()) {
         (1, n) => {
             out.fill(color[0]);
             if n.is_multiple_of(2) {

@@ -35,7 +35,7 @@ fn padding_is_exact_by_distance_and_index() {
                     _ => 0,
                 })
                 .collect();
-            for margin in [0, 1, 2, 5, 16, 1000] {
+            for margin in [0, 1, 2, 5, 16, 1000, 3_000_000_000] {
                 let expected = nearest_by_brute_force(&cover, w, margin);
                 let mut nearest = Vec::new();
                 pad_seams(&cover, w, 0..h, margin, &mut nearest);

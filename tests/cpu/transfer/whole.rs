@@ -1,67 +1,15 @@
 //! Whole transfers through simple maps.
 
+use barymap::Error;
 use barymap::geometry::Mesh;
 use barymap::progress::Quiet;
 use barymap::raster::{Image, Pixels};
-use barymap::surface::{PackedImage, PackedPoint, PointMap, Status};
+use barymap::surface::{PointMap, Status};
 use barymap::tools::transfer::{Background, Layer, TransferOptions, TransferOutput, coverage, memory_needed, transfer};
-use barymap::{Error, Result};
 use glam::DVec2;
 
 use super::{Random, grid, soup};
-
-/// Every point is its own image.
-pub(super) struct Identity;
-
-impl PointMap for Identity {
-    fn map(&self, points: &[PackedPoint], images: &mut Vec<PackedImage>) -> Result<()> {
-        images.clear();
-        images.extend(points.iter().map(|p| PackedImage {
-            face: p.face,
-            b0: p.b0,
-            b1: p.b1,
-            confidence: 1.0,
-            status: Status::Valid as u32,
-        }));
-        Ok(())
-    }
-}
-
-/// A function of the unit square from a flat target to a flat source, both with their texture coordinates as positions.
-pub(super) struct Planar<'a, F> {
-    pub(super) source: &'a Mesh,
-    pub(super) target: &'a Mesh,
-    pub(super) function: F,
-}
-
-impl<F: Fn(DVec2) -> (DVec2, Status) + Sync> PointMap for Planar<'_, F> {
-    fn map(&self, points: &[PackedPoint], images: &mut Vec<PackedImage>) -> Result<()> {
-        images.clear();
-        for p in points {
-            let at = p.unpack().position(self.target).truncate();
-            let (q, status) = (self.function)(at);
-            let found = (0..self.source.triangle_count()).find_map(|t| {
-                let [a, b, c] = self.source.triangle_positions(t).map(|p| p.truncate());
-                let area = (b - a).perp_dot(c - a);
-                let w = [(b - q).perp_dot(c - q) / area, (c - q).perp_dot(a - q) / area];
-                (w[0] >= -1e-9 && w[1] >= -1e-9 && w[0] + w[1] <= 1.0 + 1e-9).then_some((t as u32, w))
-            });
-            images.push(match found {
-                Some((face, b)) => {
-                    PackedImage { face, b0: b[0] as f32, b1: b[1] as f32, confidence: 1.0, status: status as u32 }
-                }
-                None => PackedImage::NOWHERE,
-            });
-        }
-        Ok(())
-    }
-}
-
-pub(super) fn noise(width: u32, height: u32, channels: u32, seed: u64) -> Image {
-    let mut r = Random(seed);
-    let samples = (0..width * height * channels).map(|_| r.next() as u8).collect();
-    Image::new(width, height, channels, Pixels::U8(samples)).expect("picture")
-}
+pub(super) use crate::common::flat::{Identity, Planar, noise};
 
 pub(super) fn options(width: u32, height: u32) -> TransferOptions {
     TransferOptions { width, height, ..TransferOptions::default() }

@@ -1,0 +1,129 @@
+// The colour of a texel, averaged over its footprint on the source's texture. Reference and explanation:
+// tools::transfer::sample::sample_texture. Texels are loaded and weighed here: hardware filters have eight bits of fraction.
+
+//#import lib/span
+//#import lib/table
+//#import lib/footprint
+
+// Twin: tools::transfer::gpu::sample_texture::TextureParams.
+struct TextureParams {
+    width: u32,
+    height: u32,
+    // Levels above the picture itself.
+    levels: u32,
+    channels: u32,
+    filtering: u32,
+    taps: u32,
+    // 1 if colours are weighted by the last of 2 or 4 channels.
+    opacity: u32,
+    // Value of a sample of 1.
+    scale: f32,
+}
+
+@group(0) @binding(0) var<uniform> span: Span;
+@group(0) @binding(1) var<uniform> params: TextureParams;
+// Centre and dx; dy and nothing.
+@group(0) @binding(2) var<storage, read> footprints: array<vec4f>;
+@group(0) @binding(3) var<storage, read_write> colors: array<vec4f>;
+// The picture as stored, its levels as decoded floats, the light of samples.
+@group(0) @binding(4) var base: texture_2d<u32>;
+@group(0) @binding(5) var levels: texture_2d<u32>;
+@group(0) @binding(6) var light: texture_2d<u32>;
+
+// What the words of the picture are: 0 numbers, 1 sRGB numbers that are read as light, 2 bits of floats.
+override WORDS: u32 = 0u;
+
+fn light_of(word: u32) -> f32 {
+    let four = texel_f32(light, word >> 2u);
+    return four[word & 3u];
+}
+
+fn base_texel(at: vec2i) -> vec4f {
+    let word = textureLoad(base, at, 0);
+    var value: vec4f;
+    if WORDS == 2u {
+        value = bitcast<vec4f>(word);
+    } else {
+        value = vec4f(word) * params.scale;
+    }
+    let alpha = select(value.w, value.y, params.channels == 2u);
+    if WORDS == 1u {
+        value = vec4f(light_of(word.x), light_of(word.y), light_of(word.z), light_of(word.w));
+    }
+    if params.opacity == 1u {
+        value *= alpha;
+    }
+    if params.channels == 2u {
+        value.y = alpha;
+    }
+    if params.channels == 4u {
+        value.w = alpha;
+    }
+    return value;
+}
+
+fn level_texel(at: vec2i, level: u32) -> vec4f {
+    return bitcast<vec4f>(textureLoad(levels, at, level - 1u));
+}
+
+fn mixed(t00: vec4f, t01: vec4f, t10: vec4f, t11: vec4f, w: vec2f) -> vec4f {
+    let top = t00 + w.x * (t01 - t00);
+    let bottom = t10 + w.x * (t11 - t10);
+    return top + w.y * (bottom - top);
+}
+
+@compute @workgroup_size(GROUP)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    let index = span.first + invocation(span, id);
+    if index >= span.end {
+        return;
+    }
+    let head = footprints[2u * index];
+    let rest = footprints[2u * index + 1u];
+    let size = vec2i(i32(params.width), i32(params.height));
+    let taps = footprint_taps(head.xy, head.zw, rest.xy, vec2f(size), params.filtering, f32(params.taps));
+    let level = min(taps.level, f32(params.levels));
+    let lower = u32(level);
+    var fraction = level - f32(lower);
+    // Half of the reads are saved where they would not show.
+    fraction = select(0.0, fraction, fraction > SLACK);
+    let count = taps.along * taps.across;
+    var sum = vec4f();
+    // Software devices run both sides of a branch, loops only as long as some lane is in them.
+    let passes = select(1u, 2u, fraction > 0.0);
+    for (var pass_ = 0u; pass_ < passes; pass_++) {
+        let l = lower + pass_;
+        var part = vec4f();
+        let of_base = select(count, 0u, l > 0u);
+        for (var k = 0u; k < of_base; k++) {
+            let p = tap_place(taps, k % taps.along, k / taps.along) - 0.5;
+            let f = floor(p);
+            let low = wrap(vec2i(f), size);
+            let high = wrap(vec2i(f) + 1, size);
+            part += mixed(
+                base_texel(low),
+                base_texel(vec2i(high.x, low.y)),
+                base_texel(vec2i(low.x, high.y)),
+                base_texel(high),
+                p - f,
+            );
+        }
+        let of_level = count - of_base;
+        for (var k = 0u; k < of_level; k++) {
+            let sides = max(size >> vec2u(l), vec2i(1));
+            let p = tap_place(taps, k % taps.along, k / taps.along) * (vec2f(sides) / vec2f(size)) - 0.5;
+            let f = floor(p);
+            let low = wrap(vec2i(f), sides);
+            let high = wrap(vec2i(f) + 1, sides);
+            part += mixed(
+                level_texel(low, l),
+                level_texel(vec2i(high.x, low.y), l),
+                level_texel(vec2i(low.x, high.y), l),
+                level_texel(high, l),
+                p - f,
+            );
+        }
+        sum += select(1.0 - fraction, fraction, pass_ == 1u) * part;
+    }
+    colors[index] = sum / f32(count);
+}

@@ -1,0 +1,261 @@
+//! `barymap warp`: a picture bent by a cage.
+
+use std::path::{Path, PathBuf};
+
+use barymap::io::cage::CageUnits;
+use barymap::mapping::plane::{CompositeMap, jacobian_min};
+use barymap::raster::Image;
+use barymap::tools::transfer::Encoding;
+use barymap::tools::warp::frames::{cut, times};
+use barymap::tools::warp::pictures::{heat_map, lattice_picture, overlay};
+use barymap::tools::warp::{Filter, Outside, Placement, WarpOptions, WarpOutput, warp_picture};
+use barymap::{Error, Result};
+use clap::ValueEnum;
+use serde_json::{Value, json};
+
+use crate::cage_map::{CageMap, CoordinatesName, MappingArguments};
+use crate::common::{Common, Session, check_outputs, size, usage};
+
+/// Most frames of a sequence.
+const MOST_FRAMES: u32 = 100_000;
+/// Cells along the longer side of the lattice of `--grid`.
+const GRID_CELLS: u32 = 24;
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct Arguments {
+    /// The picture: PNG, JPEG, TIFF or EXR
+    image: PathBuf,
+    /// The warped picture
+    #[arg(long, short)]
+    output: PathBuf,
+    #[command(flatten)]
+    mapping: MappingArguments,
+    /// How colours are taken from the picture
+    #[arg(long, value_enum, default_value = "ewa")]
+    filter: FilterName,
+    /// What is shown outside the target polygon, and in its holes: the map as it goes on there, the picture as it was, or nothing
+    #[arg(long, value_enum, default_value = "map")]
+    outside: OutsideName,
+    /// Size of the result: WIDTHxHEIGHT, or one number for a square; the picture's own if not given
+    #[arg(long, value_parser = size)]
+    canvas: Option<(u32, u32)>,
+    /// Write a sequence from source to target instead: OUTPUT_0000.png and so on
+    #[arg(long)]
+    frames: Option<u32>,
+    /// Write a picture of the Jacobian, with its scale
+    #[arg(long)]
+    heatmap: Option<PathBuf>,
+    /// Write a picture of a square lattice carried along
+    #[arg(long)]
+    grid: Option<PathBuf>,
+    /// Write the result with the source (blue) and target (red) polygon on it
+    #[arg(long)]
+    overlay: Option<PathBuf>,
+    /// Average light instead of stored values
+    #[arg(long)]
+    linear_light: bool,
+}
+
+/// Names of the filters.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum FilterName {
+    Ewa,
+    Bilinear,
+    Lanczos,
+}
+
+/// Names of what is outside.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum OutsideName {
+    Map,
+    Keep,
+    Transparent,
+}
+
+pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
+    let outputs = outputs(arguments)?;
+    let more = [&arguments.heatmap, &arguments.grid, &arguments.overlay];
+    let pictures = || outputs.iter().chain(more.iter().copied().flatten()).map(PathBuf::as_path);
+    pictures().try_for_each(barymap::io::image_file::check_image_extension)?;
+    // One of a sequence stands for all: they are in the same folder.
+    check_outputs(outputs.iter().take(1).chain(more.into_iter().flatten()).map(PathBuf::as_path))?;
+    let mut session = Session::start(common)?;
+    let image = barymap::io::read_image(&arguments.image)?;
+    let (made, units) = CageMap::new(&mut session, &arguments.mapping)?;
+    made.refuse_folds(&session, "warp")?;
+    let options = options(&session, arguments, &image, units.unwrap_or(CageUnits::Pixel));
+    let frames = Frames::new(&session, &made, outputs)?;
+    let (mut stats, mut seconds) = (Vec::new(), 0.0);
+    let mut last: Option<WarpOutput> = None;
+    for (k, frame) in frames.list.iter().enumerate() {
+        let started = std::time::Instant::now();
+        let jacobian = arguments.heatmap.is_some() && k + 1 == frames.list.len();
+        let options = WarpOptions { jacobian, ..options.clone() };
+        let warped = warp_picture(&session.engine, &image, &frame.map, &options, session.progress())?;
+        seconds += started.elapsed().as_secs_f64();
+        session.watch.lap("warp");
+        barymap::io::write_image(&warped.image, &frame.output)?;
+        session.watch.lap("write");
+        stats.push(warped.stats.clone());
+        last = Some(warped);
+    }
+    let Some(last) = last else { return Err(Error::option("--frames", "0", "Ask for one frame at least")) };
+    let map = &frames.list[frames.list.len() - 1].map;
+    about(&session, arguments, &options, map, &last)?;
+    session.watch.lap("pictures");
+
+    let failed: u64 = stats.iter().map(|s| s.failed_inside).sum();
+    if failed > 0 {
+        session.warn(&format!("{failed} pixels inside the cage have no pre-image: the map folds there"));
+    }
+    if arguments.outside == OutsideName::Transparent && is_jpeg(&arguments.output) {
+        session.warn("JPEG has no transparency: what is outside the cage is black");
+    }
+    let mut report = session.report("warp");
+    made.describe(&mut report);
+    for stage in &last.stats.stages {
+        report["seconds"][format!("warp.{}", stage.name)] = json!(stage.seconds);
+        report["cpu_seconds"][format!("warp.{}", stage.name)] = json!(stage.cpu_seconds);
+    }
+    let s = &last.stats;
+    report["filter"] = json!(options.filter.word());
+    report["outside"] = json!(options.outside.word());
+    report["canvas"] = json!([last.image.width, last.image.height]);
+    report["pixels"] = json!(s.pixels);
+    report["mapped"] = json!(s.mapped);
+    report["empty"] = json!(s.empty);
+    report["failed"] = json!({"inside": s.failed_inside, "outside": s.failed_outside});
+    report["memory"] = json!(s.memory);
+    report["seconds_per_frame"] = json!(seconds / frames.list.len() as f64);
+    if arguments.frames.is_some() {
+        report["frames"] = frames.list.iter().map(Frame::describe).collect();
+    }
+    session.write_report(&report)?;
+    session.say(&format!(
+        "{}: {} x {}, {}",
+        arguments.output.display(),
+        last.image.width,
+        last.image.height,
+        made.summary(&session.engine)
+    ));
+    Ok(())
+}
+
+fn is_jpeg(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("jpg") || e.eq_ignore_ascii_case("jpeg"))
+}
+
+/// The pictures that are written: one, or one for each frame.
+fn outputs(arguments: &Arguments) -> Result<Vec<PathBuf>> {
+    let Some(count) = arguments.frames else { return Ok(vec![arguments.output.clone()]) };
+    if !(1..=MOST_FRAMES).contains(&count) {
+        return Err(usage("--frames", &format!("{count} frames"), &format!("Give 1 to {MOST_FRAMES}")));
+    }
+    let stem = arguments.output.file_stem().unwrap_or_default().to_string_lossy();
+    let extension = arguments.output.extension().unwrap_or_default().to_string_lossy();
+    Ok((0..count).map(|k| arguments.output.with_file_name(format!("{stem}_{k:04}.{extension}"))).collect())
+}
+
+fn options(session: &Session<'_>, arguments: &Arguments, image: &Image, units: CageUnits) -> WarpOptions {
+    let canvas = arguments.canvas.map(|(w, h)| [w, h]);
+    let placement = |height: u32| match units {
+        CageUnits::Pixel => Placement::pixels(),
+        CageUnits::Unit => Placement::upward(image.height, height),
+    };
+    let mut outside = match arguments.outside {
+        OutsideName::Map => Outside::Map,
+        OutsideName::Keep => Outside::Keep,
+        OutsideName::Transparent => Outside::Transparent,
+    };
+    if outside == Outside::Map && arguments.mapping.coordinates == CoordinatesName::Wachspress {
+        session.warn("Wachspress coordinates end at the polygon: what is outside is transparent");
+        outside = Outside::Transparent;
+    }
+    WarpOptions {
+        filter: match arguments.filter {
+            FilterName::Ewa => Filter::Ewa,
+            FilterName::Bilinear => Filter::Bilinear,
+            FilterName::Lanczos => Filter::Lanczos,
+        },
+        outside,
+        encoding: Encoding { linear_light: arguments.linear_light, ..Encoding::default() },
+        canvas,
+        source: placement(image.height),
+        target: placement(canvas.map_or(image.height, |c| c[1])),
+        memory: session.common.memory,
+        ..WarpOptions::default()
+    }
+}
+
+/// A picture of the sequence, or the only one.
+struct Frame {
+    t: f64,
+    map: CompositeMap,
+    /// The smallest Jacobian of its last step, where that is not one of the partition's.
+    least: Option<f64>,
+    output: PathBuf,
+}
+
+struct Frames {
+    list: Vec<Frame>,
+}
+
+impl Frames {
+    /// The maps of all frames; those that are cut off within a step are tested for folds of their own.
+    fn new(session: &Session<'_>, made: &CageMap, outputs: Vec<PathBuf>) -> Result<Self> {
+        let mut list = Vec::new();
+        let mut pairs = Vec::new();
+        for (t, output) in times(outputs.len() as u32).into_iter().zip(outputs) {
+            let polygons = cut(&made.cage, &made.partition, t)?;
+            let known = made.partition.knots.contains(&t);
+            if !known {
+                pairs.push((polygons[polygons.len() - 2].clone(), polygons[polygons.len() - 1].clone()));
+            }
+            let map = CompositeMap::new(made.map.coordinates(), polygons)?;
+            list.push(Frame { t, map, least: if known { None } else { Some(f64::NAN) }, output });
+        }
+        let found = jacobian_min(&session.engine, made.map.coordinates(), &pairs, &made.options.samples)?;
+        for (frame, minimum) in list.iter_mut().filter(|f| f.least.is_some()).zip(found) {
+            frame.least = Some(minimum.value);
+        }
+        let folding: Vec<f64> = list.iter().filter(|f| f.least.is_some_and(|j| !(j > 0.0))).map(|f| f.t).collect();
+        if let Some(first) = folding.first() {
+            session.warn(&format!(
+                "{} frames within a step of the map fold, the first at t = {first:.4}: use --partition continuous, or more steps",
+                folding.len()
+            ));
+        }
+        Ok(Self { list })
+    }
+}
+
+impl Frame {
+    fn describe(&self) -> Value {
+        let mut frame = json!({"t": self.t, "file": self.output.file_name().map(|n| n.to_string_lossy())});
+        if let Some(least) = self.least {
+            frame["j_min"] = json!(least);
+        }
+        frame
+    }
+}
+
+/// The pictures about the warp.
+fn about(
+    session: &Session<'_>,
+    arguments: &Arguments,
+    options: &WarpOptions,
+    map: &CompositeMap,
+    warped: &WarpOutput,
+) -> Result<()> {
+    if let (Some(path), Some(jacobian)) = (&arguments.heatmap, &warped.jacobian) {
+        barymap::io::write_image(&heat_map(jacobian, warped.image.width)?, path)?;
+    }
+    if let Some(path) = &arguments.grid {
+        let size = [warped.image.width, warped.image.height];
+        barymap::io::write_image(&lattice_picture(&session.engine, map, &options.target, size, GRID_CELLS)?, path)?;
+    }
+    if let Some(path) = &arguments.overlay {
+        barymap::io::write_image(&overlay(&warped.image, map, &options.source, &options.target)?, path)?;
+    }
+    Ok(())
+}

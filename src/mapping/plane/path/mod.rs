@@ -1,0 +1,85 @@
+//! Vertex paths: how the source polygon becomes the target (paper, sections 2.2 and 3.1).
+//!
+//! A path gives a polygon for every `t` in 0..1, the source at 0 and the target at 1. Only the polygons a partition uses need to
+//! be simple; each of them is checked ([`polygon_at`]). Three paths are known, in the order in which they are tried.
+
+mod compatible;
+mod intrinsic;
+mod linear;
+
+use crate::error::{Error, Result};
+use crate::geometry::polygon::Nesting;
+use crate::geometry::{Defect, Polygon};
+use crate::mapping::plane::Cage;
+
+pub use compatible::Compatible;
+pub use intrinsic::Intrinsic;
+pub use linear::Linear;
+
+/// Which path the vertices take.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PathKind {
+    /// Turning angles and edge lengths go linearly (Sederberg et al. 1993): turns stay turns.
+    Intrinsic,
+    /// Every vertex goes straight.
+    Linear,
+    /// Convex combinations in compatible triangulations (Gotsman, Surazhsky 2001): never intersects itself.
+    Compatible,
+}
+
+impl PathKind {
+    /// The word of options and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Intrinsic => "intrinsic",
+            Self::Linear => "linear",
+            Self::Compatible => "compatible",
+        }
+    }
+}
+
+/// A continuous path from a source polygon (t = 0) to a target (t = 1).
+pub trait VertexPath: Sync {
+    /// The polygon at `t` in 0..=1, not checked. At 0 and 1 exactly the ends.
+    ///
+    /// # Errors
+    /// Where the path has no polygon at `t`; the message says why.
+    fn polygon(&self, t: f64) -> Result<Polygon>;
+
+    /// Which path it is.
+    fn kind(&self) -> PathKind;
+}
+
+/// The path of this kind between the polygons of `cage`.
+///
+/// # Errors
+/// As [`Compatible::new`]; the others always are.
+pub fn vertex_path(cage: &Cage, kind: PathKind) -> Result<Box<dyn VertexPath>> {
+    Ok(match kind {
+        PathKind::Intrinsic => Box::new(Intrinsic::new(cage)),
+        PathKind::Linear => Box::new(Linear::new(cage)),
+        PathKind::Compatible => Box::new(Compatible::new(cage)?),
+    })
+}
+
+/// The polygon of `path` at `t`, if it bounds a domain nested as `nesting` says.
+///
+/// # Errors
+/// [`Error::Numeric`] that names `t` and the defect.
+pub fn polygon_at(path: &dyn VertexPath, t: f64, nesting: &Nesting) -> Result<Polygon> {
+    let polygon = path.polygon(t)?;
+    let at = |what: String| {
+        Error::numeric(
+            format!("the {} path fails at t = {t}: {what}", path.kind().name()),
+            "Take another path, or bring source and target closer together",
+        )
+    };
+    let found = polygon.nesting().map_err(|defect| at(defect.to_string()))?;
+    if found != *nesting {
+        return Err(at("its loops are nested differently".to_owned()));
+    }
+    match (0..polygon.loops().len()).find(|&ring| !polygon.well_oriented(nesting, ring)) {
+        Some(ring) => Err(at(Defect::Orientation { ring, depth: nesting.depths[ring] }.to_string())),
+        None => Ok(polygon),
+    }
+}

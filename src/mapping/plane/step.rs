@@ -1,0 +1,314 @@
+//! One step of a composite map: the barycentric map from one polygon to another.
+
+use std::fmt;
+use std::str::FromStr;
+use std::sync::OnceLock;
+
+use rayon::prelude::*;
+
+use super::outline::{Outline, dot};
+use super::vertex_limit::VertexLimit;
+use super::{mean_value, wachspress};
+use crate::engine::Real;
+use crate::error::{Error, Result};
+use crate::geometry::Polygon;
+
+/// The barycentric coordinates that a map is made of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Coordinates {
+    /// Mean value coordinates: any polygon, with holes, the whole plane.
+    #[default]
+    MeanValue,
+    /// Wachspress coordinates: one strictly convex loop; points inside it.
+    Wachspress,
+}
+
+impl Coordinates {
+    /// The word of the command line and of reports.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::MeanValue => "mean-value",
+            Self::Wachspress => "wachspress",
+        }
+    }
+
+    /// Whether these coordinates exist for a (valid) polygon. The polygon a step leads to may be any.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for Wachspress coordinates of what is not one strictly convex loop, naming the vertex.
+    pub fn check(self, polygon: &Polygon) -> Result<()> {
+        match self {
+            Self::MeanValue => Ok(()),
+            Self::Wachspress => wachspress::check(polygon),
+        }
+    }
+}
+
+impl fmt::Display for Coordinates {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.word())
+    }
+}
+
+impl FromStr for Coordinates {
+    type Err = Error;
+
+    fn from_str(word: &str) -> Result<Self> {
+        [Self::MeanValue, Self::Wachspress].into_iter().find(|c| c.word() == word).ok_or_else(|| {
+            Error::option("--coordinates", format!("'{word}' is not known"), "Use mean-value or wachspress")
+        })
+    }
+}
+
+/// Which of its forms an evaluation took.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Branch {
+    /// The general one: inside, outside or in a hole.
+    Inside,
+    /// On the open edge that leaves this vertex: exact linear interpolation.
+    OnEdge(usize),
+    /// At this vertex: exact.
+    AtVertex(usize),
+}
+
+/// A map at a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Evaluation<R> {
+    /// The image.
+    pub point: [R; 2],
+    /// The derivative, row by row: d f_x / d(x, y), d f_y / d(x, y).
+    pub derivative: [[R; 2]; 2],
+    /// Its determinant. Positive where the map keeps the orientation.
+    pub jacobian: R,
+    /// The form taken.
+    pub branch: Branch,
+}
+
+/// One map f from polygon `from` to polygon `to` with the same loops, prepared for the scalar `R`.
+///
+/// Points go in and come out in local coordinates: of `Frame::of(from, scale)` before, of `Frame::of(to, scale)` after. O(n) per
+/// point. With mean value coordinates the map is defined in the whole plane, and linear on edges; next to the polygon the error is
+/// a few roundings of its size, at distance R from a polygon of size h it grows as (R / h)^2.
+#[derive(Clone, Debug)]
+pub struct Step<R> {
+    pub(super) coordinates: Coordinates,
+    pub(super) outline: Outline<R>,
+    /// Derivatives at the vertices, once they are asked for.
+    derivatives: OnceLock<Vec<[[R; 2]; 2]>>,
+}
+
+impl<R: Real> Step<R> {
+    /// The step from `from` to `to`. Both must have the same loops; [`Coordinates::check`] tells whether the coordinates exist.
+    pub fn new(coordinates: Coordinates, from: &Polygon, to: &Polygon, scale: f64) -> Self {
+        Self { coordinates, outline: Outline::new(from, to, scale), derivatives: OnceLock::new() }
+    }
+
+    /// The same step in another precision.
+    pub fn cast<T: Real>(&self) -> Step<T> {
+        Step { coordinates: self.coordinates, outline: self.outline.cast(), derivatives: OnceLock::new() }
+    }
+
+    /// The image of `p`.
+    pub fn map(&self, p: [R; 2]) -> [R; 2] {
+        let outline = &self.outline;
+        match self.coordinates {
+            Coordinates::MeanValue => {
+                let found = mean_value::scan(outline, p);
+                if found.at_vertex() {
+                    return outline.images[found.nearest];
+                }
+                let mut sums = Sums::new(outline, found.nearest);
+                mean_value::visit::<R, false>(outline, p, &found, |i, w, _| sums.add(i, w));
+                sums.image(p)
+            }
+            Coordinates::Wachspress => {
+                let q = wachspress::pivot(outline, p);
+                let mut sums = Sums::new(outline, q);
+                wachspress::visit::<R, false>(outline, p, q, |i, w, _| sums.add(i, w));
+                sums.image(p)
+            }
+        }
+    }
+
+    /// Image, derivative and Jacobian at `p`.
+    ///
+    /// At a vertex of the polygon of mean value coordinates the image is exact and the derivative, which depends on the
+    /// direction there, is the limit along the bisector of the interior angle.
+    pub fn evaluate(&self, p: [R; 2]) -> Evaluation<R> {
+        let outline = &self.outline;
+        match self.coordinates {
+            Coordinates::MeanValue => {
+                let found = mean_value::scan(outline, p);
+                if found.at_vertex() {
+                    return self.at_vertex(found.nearest);
+                }
+                let mut sums = Sums::new(outline, found.nearest);
+                mean_value::visit::<R, true>(outline, p, &found, |i, w, g| sums.add_gradient(i, w, g));
+                let branch = match found.widest {
+                    Some(k) if found.on_edge() => Branch::OnEdge(k),
+                    _ => Branch::Inside,
+                };
+                sums.evaluation(p, branch)
+            }
+            Coordinates::Wachspress => {
+                let q = wachspress::pivot(outline, p);
+                let mut sums = Sums::new(outline, q);
+                wachspress::visit::<R, true>(outline, p, q, |i, w, g| sums.add_gradient(i, w, g));
+                if outline.vertices.get(q) == Some(&p) {
+                    return Evaluation { point: outline.images[q], ..sums.evaluation(p, Branch::AtVertex(q)) };
+                }
+                sums.evaluation(p, Branch::Inside)
+            }
+        }
+    }
+
+    fn at_vertex(&self, k: usize) -> Evaluation<R> {
+        let derivative = self.limit(k).derivative();
+        Evaluation {
+            point: self.outline.images[k],
+            derivative,
+            jacobian: determinant(derivative),
+            branch: Branch::AtVertex(k),
+        }
+    }
+
+    /// The map next to vertex `k`. O(n).
+    pub(super) fn limit(&self, k: usize) -> VertexLimit<R> {
+        let ring = self.outline.loops.iter().find(|ring| ring.contains(&k)).cloned().unwrap_or(k..k + 1);
+        let before = if k == ring.start { ring.end - 1 } else { k - 1 };
+        let after = if k + 1 == ring.end { ring.start } else { k + 1 };
+        VertexLimit::new(&self.outline, before, k, after)
+    }
+
+    /// The derivatives along the bisectors at all vertices, from double precision. O(n^2), once.
+    pub(super) fn vertex_derivatives(&self) -> &[[[R; 2]; 2]] {
+        self.derivatives.get_or_init(|| {
+            let wide = self.cast::<f64>();
+            let derivative = |k: usize| wide.limit(k).derivative().map(|row| row.map(R::of));
+            (0..self.outline.len()).into_par_iter().map(derivative).collect()
+        })
+    }
+
+    /// The coordinates of `p`, vertex by vertex.
+    pub(super) fn coordinates_of(&self, p: [R; 2]) -> Vec<R> {
+        let outline = &self.outline;
+        let mut b = vec![R::ZERO; outline.len()];
+        let mut total = R::ZERO;
+        let mut each = |i: usize, w: R, _: [R; 2]| {
+            b[i] = w;
+            total += w;
+        };
+        match self.coordinates {
+            Coordinates::MeanValue => {
+                let found = mean_value::scan(outline, p);
+                if found.at_vertex() {
+                    each(found.nearest, R::ONE, [R::ZERO; 2]);
+                } else {
+                    mean_value::visit::<R, false>(outline, p, &found, each);
+                }
+            }
+            Coordinates::Wachspress => {
+                wachspress::visit::<R, false>(outline, p, wachspress::pivot(outline, p), each);
+            }
+        }
+        b.iter_mut().for_each(|b| *b = *b / total);
+        b
+    }
+}
+
+/// The barycentric coordinates of `p` in `polygon`, in the order of its vertices; they sum to 1.
+///
+/// Exact on edges (two are not zero) and at vertices (one is 1). Mean value coordinates are defined in the whole plane and may
+/// be negative outside convex polygons; Wachspress coordinates are meant for points inside.
+///
+/// # Errors
+/// [`Error::Input`] if the polygon has no vertex, if the point is not finite, or as [`Coordinates::check`].
+pub fn coordinates(kind: Coordinates, polygon: &Polygon, p: glam::DVec2) -> Result<Vec<f64>> {
+    kind.check(polygon)?;
+    if polygon.vertex_count() == 0 || !p.is_finite() {
+        return Err(Error::input("barycentric coordinates need a polygon and a finite point", "Check the input"));
+    }
+    let scale = super::Frame::common_scale([polygon]);
+    let frame = super::Frame::of(polygon, scale);
+    Ok(Step::<f64>::new(kind, polygon, polygon, scale).coordinates_of(frame.local(p)))
+}
+
+/// ad - bc.
+#[inline(always)]
+pub(super) fn determinant<R: Real>(m: [[R; 2]; 2]) -> R {
+    m[0][0] * m[1][1] - m[0][1] * m[1][0]
+}
+
+/// Sums over the vertices. Displacements are taken relative to that of the vertex with the largest weight, whose own
+/// gradient, the only one that grows next to it, then drops out.
+struct Sums<'a, R> {
+    outline: &'a Outline<R>,
+    base: [R; 2],
+    weight: R,
+    /// Sum of the weights times the vertices.
+    moment: [R; 2],
+    moved: [R; 2],
+    weight_gradient: [R; 2],
+    moved_gradient: [[R; 2]; 2],
+}
+
+impl<'a, R: Real> Sums<'a, R> {
+    fn new(outline: &'a Outline<R>, pivot: usize) -> Self {
+        let zero = [R::ZERO; 2];
+        Self {
+            outline,
+            base: outline.displacements.get(pivot).copied().unwrap_or(zero),
+            weight: R::ZERO,
+            moment: zero,
+            moved: zero,
+            weight_gradient: zero,
+            moved_gradient: [zero; 2],
+        }
+    }
+
+    #[inline(always)]
+    fn add(&mut self, i: usize, w: R) {
+        let (v, u) = (self.outline.vertices[i], self.outline.displacements[i]);
+        self.weight += w;
+        for axis in 0..2 {
+            self.moment[axis] += w * v[axis];
+            self.moved[axis] += w * (u[axis] - self.base[axis]);
+        }
+    }
+
+    #[inline(always)]
+    fn add_gradient(&mut self, i: usize, w: R, gradient: [R; 2]) {
+        self.add(i, w);
+        let u = self.outline.displacements[i];
+        for axis in 0..2 {
+            self.weight_gradient[axis] += gradient[axis];
+            for row in 0..2 {
+                self.moved_gradient[row][axis] += (u[row] - self.base[row]) * gradient[axis];
+            }
+        }
+    }
+
+    /// The sum W of the weights. Far away it cancels, to (h / R)^2 of its terms; there it is taken from W p = sum w_i v_i, the
+    /// linear precision of the coordinates, whose terms cancel to h / R only.
+    fn total(&self, p: [R; 2]) -> R {
+        let square = dot(p, p);
+        if square > self.outline.far { dot(self.moment, p) / square } else { self.weight }
+    }
+
+    fn image(&self, p: [R; 2]) -> [R; 2] {
+        let total = self.total(p);
+        std::array::from_fn(|axis| p[axis] + (self.base[axis] + self.moved[axis] / total))
+    }
+
+    fn evaluation(&self, p: [R; 2], branch: Branch) -> Evaluation<R> {
+        let inverse = R::ONE / self.total(p);
+        let mut derivative = [[R::ONE, R::ZERO], [R::ZERO, R::ONE]];
+        for row in 0..2 {
+            let mean = self.moved[row] * inverse;
+            for axis in 0..2 {
+                derivative[row][axis] += (self.moved_gradient[row][axis] - mean * self.weight_gradient[axis]) * inverse;
+            }
+        }
+        Evaluation { point: self.image(p), derivative, jacobian: determinant(derivative), branch }
+    }
+}

@@ -1,0 +1,304 @@
+//! Host half of the kernel `sample_texture`.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use bytemuck::{Pod, Zeroable};
+
+use super::items;
+use crate::engine::{
+    BindGroup, BindingKind, Buffer, Gpu, Kernel, Layout, Pipeline, Pyramid, ReadbackRing, Table, UniformBlocks, Word,
+};
+use crate::error::Result;
+use crate::geometry::NONE;
+use crate::kernel_layout as layout;
+use crate::raster::{Depth, Image, Pixels};
+use crate::tools::transfer::color::light_values;
+use crate::tools::transfer::footprint::Footprint;
+use crate::tools::transfer::mip::{Alpha, MipChain};
+use crate::tools::transfer::sample::{Filter, SampleParams, sample_texture, widen};
+
+/// Parameters of the kernel; twin of the struct in `shaders/sample_texture.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct TextureParams {
+    width: u32,
+    height: u32,
+    levels: u32,
+    channels: u32,
+    filtering: u32,
+    taps: u32,
+    opacity: u32,
+    scale: f32,
+}
+
+/// A footprint as the kernel reads it: two vectors of four.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct FootprintRecord {
+    centre: [f32; 2],
+    dx: [f32; 2],
+    dy: [f32; 2],
+    unused: [f32; 2],
+}
+
+const LAYOUTS: &[Layout] =
+    &[layout!(TextureParams, { width, height, levels, channels, filtering, taps, opacity, scale })];
+
+/// Pictures of numbers.
+pub(super) static SAMPLE_TEXTURE: Kernel = variant(&[("WORDS", 0.0)]);
+/// Pictures of sRGB numbers, averaged as light.
+static SAMPLE_TEXTURE_LIGHT: Kernel = variant(&[("WORDS", 1.0)]);
+/// Pictures of floats.
+static SAMPLE_TEXTURE_FLOAT: Kernel = variant(&[("WORDS", 2.0)]);
+
+const fn variant(constants: &'static [(&'static str, f64)]) -> Kernel {
+    Kernel {
+        name: "sample_texture",
+        source: include_str!("../../../../shaders/sample_texture.wgsl"),
+        bindings: &[
+            BindingKind::Uniform(size_of::<TextureParams>() as u64),
+            BindingKind::Read,
+            BindingKind::Write,
+            BindingKind::Table,
+            BindingKind::Table,
+            BindingKind::Table,
+        ],
+        layouts: LAYOUTS,
+        items: 1,
+        constants,
+    }
+}
+
+/// Texels of a dispatch at most.
+const MOST_TEXELS: usize = 1 << 17;
+
+/// Footprints that reach over more texels than this, or lie farther off, go through the reference, which tells what is not finite.
+const LARGEST: f32 = 2.5e5;
+
+/// Buffers for sampling, shared by all textures.
+#[derive(Debug)]
+pub struct Sampler<'a> {
+    gpu: &'a Gpu,
+    footprints: [Buffer<FootprintRecord>; 2],
+    colors: Buffer<[f32; 4]>,
+    ring: ReadbackRing<'a, [f32; 4]>,
+    records: Vec<FootprintRecord>,
+    left: u64,
+}
+
+/// A texture on a device, with its bindings.
+#[derive(Debug)]
+pub struct DeviceTexture {
+    pipeline: Arc<Pipeline>,
+    groups: [BindGroup; 2],
+    // Counted against the memory budget as long as the bind groups refer to them.
+    _pictures: [Pyramid; 2],
+    _light: Table,
+    _params: UniformBlocks<TextureParams>,
+}
+
+impl DeviceTexture {
+    /// Bytes on the device.
+    pub fn bytes(image: &Image) -> u64 {
+        let channels = stored_channels(image.channels);
+        let (size, half) = ([image.width, image.height], half(image));
+        let base = match image.depth() {
+            Depth::U8 => Pyramid::bytes::<u8>(size, 1, channels),
+            Depth::U16 => Pyramid::bytes::<u16>(size, 1, channels),
+            Depth::F32 => Pyramid::bytes::<f32>(size, 1, channels),
+        };
+        base + Pyramid::bytes::<f32>(half, level_count(image).max(1), channels)
+    }
+
+    /// Why `gpu` cannot hold a picture; `None` if it can.
+    pub fn obstacle(gpu: &Gpu, image: &Image) -> Option<String> {
+        let (side, most) = (image.width.max(image.height), gpu.capabilities().max_texture_side);
+        (side > most).then(|| format!("a picture has {side} texels along a side, the device takes {most}"))
+    }
+}
+
+/// Channels of a texel on the device.
+fn stored_channels(channels: u32) -> u32 {
+    if channels == 3 { 4 } else { channels }
+}
+
+fn half(image: &Image) -> [u32; 2] {
+    [image.width, image.height].map(|n| (n / 2).max(1))
+}
+
+/// Levels above the picture.
+fn level_count(image: &Image) -> u32 {
+    31 - image.width.max(image.height).leading_zeros()
+}
+
+/// Copies a row of `from` channels to texels of `to`.
+fn spread<T: Copy>(row: &[T], from: usize, to: usize, out: &mut [T]) {
+    if from == to {
+        out.copy_from_slice(row);
+        return;
+    }
+    for (texel, out) in row.chunks_exact(from).zip(out.chunks_exact_mut(to)) {
+        out[..from].copy_from_slice(texel);
+    }
+}
+
+impl<'a> Sampler<'a> {
+    /// Device memory, and host memory of the device's copies.
+    pub const BYTES: u64 = (MOST_TEXELS * (size_of::<FootprintRecord>() * 5 + size_of::<[f32; 4]>() * 4)) as u64;
+
+    /// Buffers on a device.
+    ///
+    /// # Errors
+    /// [`Error::Memory`](crate::Error::Memory) or [`Error::Device`](crate::Error::Device).
+    pub fn new(gpu: &'a Gpu) -> Result<Self> {
+        Ok(Self {
+            gpu,
+            footprints: [gpu.buffer("footprints", MOST_TEXELS)?, gpu.buffer("footprints", MOST_TEXELS)?],
+            colors: gpu.buffer("colours", MOST_TEXELS)?,
+            ring: ReadbackRing::new(gpu, "colours", 2, MOST_TEXELS)?,
+            records: Vec::new(),
+            left: 0,
+        })
+    }
+
+    /// Texels so far that the kernel left to the reference.
+    pub fn left_to_reference(&self) -> u64 {
+        self.left
+    }
+
+    /// Puts a texture on the device. Of `params`, the filter and the taps matter.
+    ///
+    /// # Errors
+    /// [`Error::Capability`](crate::Error::Capability), [`Error::Memory`](crate::Error::Memory) or
+    /// [`Error::Device`](crate::Error::Device).
+    pub fn texture(&self, chain: &MipChain<'_>, filter: Filter, taps: u32) -> Result<DeviceTexture> {
+        let image = chain.image;
+        let (channels, stored) = (image.channels as usize, stored_channels(image.channels) as usize);
+        let has_alpha = image.has_alpha();
+        let linear = chain.encoding.linear_light;
+        let (kernel, scale, light) = match image.depth() {
+            Depth::U8 => (if linear { &SAMPLE_TEXTURE_LIGHT } else { &SAMPLE_TEXTURE }, 1.0 / 255.0, 256),
+            Depth::U16 => (if linear { &SAMPLE_TEXTURE_LIGHT } else { &SAMPLE_TEXTURE }, 1.0 / 65535.0, 65536),
+            Depth::F32 => (&SAMPLE_TEXTURE_FLOAT, 1.0, 0),
+        };
+        let light: Vec<[f32; 4]> =
+            light_values(if linear { light } else { 0 }).chunks_exact(4).map(|v| [v[0], v[1], v[2], v[3]]).collect();
+        let params = TextureParams {
+            width: image.width,
+            height: image.height,
+            levels: chain.levels.len() as u32,
+            channels: image.channels,
+            filtering: match filter {
+                Filter::Anisotropic => 0,
+                Filter::Trilinear => 1,
+                Filter::Bilinear => 2,
+            },
+            taps: taps.clamp(1, 16),
+            opacity: u32::from(has_alpha && chain.encoding.alpha == Alpha::Opacity),
+            scale,
+        };
+        let base = self.base(image, channels, stored)?;
+        let count = chain.levels.len().max(1) as u32;
+        let levels = self.gpu.pyramid("levels", stored as u32, half(image), count, |l, y, out: &mut [f32]| {
+            if let Some(level) = chain.levels.get(l as usize) {
+                let row = level.width as usize * channels;
+                spread(&level.texels[y as usize * row..(y as usize + 1) * row], channels, stored, out);
+            }
+        })?;
+        let params = self.gpu.uniform("texture parameters", &params)?;
+        let light = self.gpu.table("light", &light)?;
+        let pipeline = self.gpu.pipeline(kernel)?;
+        let bind = |footprints: &Buffer<FootprintRecord>| {
+            let bindings =
+                [params.bind(0), footprints.bind(), self.colors.bind(), base.bind(), levels.bind(), light.bind()];
+            self.gpu.bind(&pipeline, &bindings)
+        };
+        let groups = [bind(&self.footprints[0])?, bind(&self.footprints[1])?];
+        Ok(DeviceTexture { pipeline, groups, _pictures: [base, levels], _light: light, _params: params })
+    }
+
+    fn base(&self, image: &Image, channels: usize, stored: usize) -> Result<Pyramid> {
+        fn rows<'p, T: Word>(
+            samples: &'p [T],
+            row: usize,
+            channels: usize,
+            stored: usize,
+        ) -> impl FnMut(u32, u32, &mut [T]) + 'p {
+            move |_, y, out| spread(&samples[y as usize * row..(y as usize + 1) * row], channels, stored, out)
+        }
+        let (size, row) = ([image.width, image.height], image.width as usize * channels);
+        let n = stored as u32;
+        match &image.pixels {
+            Pixels::U8(v) => self.gpu.pyramid("picture", n, size, 1, rows(v, row, channels, stored)),
+            Pixels::U16(v) => self.gpu.pyramid("picture", n, size, 1, rows(v, row, channels, stored)),
+            Pixels::F32(v) => self.gpu.pyramid("picture", n, size, 1, rows(v, row, channels, stored)),
+        }
+    }
+
+    /// The same as [`sample_texture`], but for rounding: samples `texture`, which is `chain` on the device.
+    ///
+    /// # Errors
+    /// [`Error::Device`](crate::Error::Device).
+    pub fn sample(
+        &mut self,
+        texture: &DeviceTexture,
+        chain: &MipChain<'_>,
+        params: &SampleParams,
+        texture_of: &[u32],
+        footprints: &[Footprint],
+        colors: &mut [f32],
+    ) -> Result<()> {
+        let (stride, channels) = (params.channels as usize, chain.image.channels as usize);
+        let size = [chain.image.width as f32, chain.image.height as f32];
+        let mut rest = Vec::new();
+        let mut pending: Option<Vec<u32>> = None;
+        let (mut next, mut turn) = (0, 0);
+        // One part computes while the next is gathered and the one before is brought back.
+        while next < footprints.len() || pending.is_some() {
+            let mut part = Vec::new();
+            self.records.clear();
+            while next < footprints.len() && part.len() < MOST_TEXELS {
+                let f = &footprints[next];
+                if f.face != NONE && texture_of[f.face as usize] == params.texture {
+                    if plain(f, size) {
+                        part.push(next as u32);
+                        self.records.push(FootprintRecord { centre: f.centre, dx: f.dx, dy: f.dy, unused: [0.0; 2] });
+                    } else {
+                        rest.push(next);
+                    }
+                }
+                next += 1;
+            }
+            let part = (!part.is_empty()).then_some(part);
+            if let Some(part) = &part {
+                self.gpu.write(&self.footprints[turn], 0, &self.records)?;
+                let all: Range<usize> = 0..part.len();
+                let mut batch = self.gpu.batch()?;
+                let (first, count) = items(&all)?;
+                batch.dispatch_range(&texture.pipeline, &texture.groups[turn], first, count)?;
+                self.ring.push(batch, &self.colors, all)?;
+                turn ^= 1;
+            }
+            if let Some(before) = std::mem::replace(&mut pending, part) {
+                let found = self.ring.pop()?.unwrap_or_default();
+                for (&i, color) in before.iter().zip(&found) {
+                    let at = i as usize * stride;
+                    widen(&color[..channels], &mut colors[at..at + stride]);
+                }
+            }
+        }
+        for &i in &rest {
+            let range = i * stride..(i + 1) * stride;
+            sample_texture(chain, params, texture_of, &footprints[i..=i], &mut colors[range]);
+        }
+        self.left += rest.len() as u64;
+        Ok(())
+    }
+}
+
+/// Whether the kernel takes a footprint on a picture of this size.
+fn plain(f: &Footprint, size: [f32; 2]) -> bool {
+    let small = |v: [f32; 2]| v[0].abs() * size[0] < LARGEST && v[1].abs() * size[1] < LARGEST;
+    small(f.dx) && small(f.dy) && f.centre[0].abs() < LARGEST && f.centre[1].abs() < LARGEST
+}

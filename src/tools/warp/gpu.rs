@@ -1,0 +1,174 @@
+//! Warping on a device: host half of the kernel `warp_image`; its reference is [`warp_image`](super::gather::warp_image).
+//!
+//! What the pixels of a band see of each level of the pyramid is decoded on the host and sent to the device, so that pictures may
+//! be larger than its memory and have any depth.
+
+use bytemuck::{Pod, Zeroable};
+use rayon::prelude::*;
+
+use super::ewa::Ellipse;
+use super::filter::{BILINEAR_REACH, Filter, LANCZOS_REACH};
+use super::gather::{Extent, Preimage};
+use super::pyramid::{Pyramid, Texel, Window};
+use crate::engine::{BindingKind, Gpu, Kernel, Layout};
+use crate::error::Result;
+use crate::kernel_layout as layout;
+
+/// Levels that the kernel knows; a picture of 2^31 pixels a side has as many.
+const MOST_LEVELS: usize = 32;
+/// Texels sent for one band at most: 64 MiB.
+const MOST_TEXELS: usize = 1 << 22;
+/// Iterations of an invocation at most: an ellipse of 150 rows of 150 texels, for its neighbours as well.
+const ITERATIONS: u64 = 150 * 150 + 64;
+
+/// Where the window of a level is.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct WindowPlace {
+    /// Its first texel in the level.
+    pub origin: [i32; 2],
+    /// Its place in the buffer.
+    pub start: u32,
+    /// Length of its rows.
+    pub stride: u32,
+}
+
+/// Parameters of the kernel.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct WarpParams {
+    levels: u32,
+    most: f32,
+    unused_0: u32,
+    unused_1: u32,
+    windows: [WindowPlace; MOST_LEVELS],
+}
+
+const LAYOUTS: &[Layout] = &[
+    layout!(WarpParams, { levels, most, unused_0, unused_1, windows }),
+    layout!(WindowPlace, { origin, start, stride }),
+    layout!(Preimage, { at, dx, dy, cover, block }),
+];
+
+const fn kernel(constants: &'static [(&'static str, f64)]) -> Kernel {
+    Kernel {
+        name: "warp_image",
+        source: include_str!("../../../shaders/warp_image.wgsl"),
+        bindings: &[
+            BindingKind::Uniform(size_of::<WarpParams>() as u64),
+            BindingKind::Read,
+            BindingKind::Read,
+            BindingKind::Read,
+            BindingKind::Write,
+        ],
+        layouts: LAYOUTS,
+        items: 1,
+        constants,
+    }
+}
+
+static BILINEAR: Kernel = kernel(&[("FILTER", 0.0)]);
+static LANCZOS: Kernel = kernel(&[("FILTER", 1.0)]);
+static EWA: Kernel = kernel(&[("FILTER", 2.0)]);
+
+/// The kernels of this module.
+pub const KERNELS: &[&Kernel] = &[&BILINEAR, &LANCZOS, &EWA];
+
+/// The colours of pixels whose pre-images have a cover, as [`Band::gather`](super::band::Band::gather) has them; the others are
+/// left as they are.
+///
+/// `bases` has one entry for each block that a pre-image names. Returns `false`, with nothing done, if what the pixels see does
+/// not fit the device at once: where a map takes neighbours to places far apart.
+///
+/// # Errors
+/// [`Error::Memory`](crate::Error::Memory), [`Error::Capability`](crate::Error::Capability) or
+/// [`Error::Device`](crate::Error::Device).
+pub fn warp_image(
+    gpu: &Gpu,
+    pyramid: &Pyramid<'_>,
+    filter: Filter,
+    bases: &[[i32; 2]],
+    preimages: &[Preimage],
+    colors: &mut [Texel],
+) -> Result<bool> {
+    let kernel = match filter {
+        Filter::Bilinear => &BILINEAR,
+        Filter::Lanczos => &LANCZOS,
+        Filter::Ewa => &EWA,
+    };
+    let budget = u64::from(gpu.capabilities().loop_budget);
+    if filter == Filter::Ewa && gpu.capabilities().truncates_loops && budget < ITERATIONS {
+        return Ok(false);
+    }
+    let extents = extents(pyramid, filter, bases, preimages);
+    let sizes = extents.map(|e| e.size());
+    let total: usize = sizes.iter().map(|s| s[0].saturating_mul(s[1])).fold(0, usize::saturating_add);
+    if total as u64 > (MOST_TEXELS as u64).min(gpu.capabilities().max_elements::<Texel>()) {
+        return Ok(false);
+    }
+    if total == 0 {
+        return Ok(true);
+    }
+    let mut params = WarpParams {
+        levels: pyramid.levels(),
+        most: (1u64 << pyramid.levels().min(32)) as f32,
+        unused_0: 0,
+        unused_1: 0,
+        windows: [WindowPlace::default(); MOST_LEVELS],
+    };
+    let mut texels = Vec::with_capacity(total);
+    let mut window = Window::default();
+    for (level, (extent, size)) in extents.iter().zip(sizes).enumerate() {
+        if size[0] * size[1] > 0 {
+            params.windows[level] =
+                WindowPlace { origin: extent.low, start: texels.len() as u32, stride: size[0] as u32 };
+            pyramid.read(level as u32, extent.low, size, &mut window);
+            texels.extend_from_slice(&window.texels);
+        }
+    }
+    let pipeline = gpu.pipeline(kernel)?;
+    let params = gpu.uniform("warp parameters", &params)?;
+    let seen = gpu.upload("pre-images", preimages)?;
+    let bases = gpu.upload("bases", bases)?;
+    let texels = gpu.upload("texels", &texels)?;
+    let out = gpu.upload("colours", colors)?;
+    let group = gpu.bind(&pipeline, &[params.bind(0), seen.bind(), bases.bind(), texels.bind(), out.bind()])?;
+    gpu.run(&pipeline, &group, preimages.len(), |_| {})?;
+    colors.copy_from_slice(&gpu.read(&out, 0..colors.len())?);
+    Ok(true)
+}
+
+/// What the pixels read of each level, in its texels.
+fn extents(pyramid: &Pyramid<'_>, filter: Filter, bases: &[[i32; 2]], preimages: &[Preimage]) -> [Extent; MOST_LEVELS] {
+    let none = || [Extent::EMPTY; MOST_LEVELS];
+    let add = |mut all: [Extent; MOST_LEVELS], p: &Preimage| {
+        let Some(base) = bases.get(p.block as usize).filter(|_| p.cover > 0.0) else { return all };
+        let mut join = |level: u32, e: Extent| {
+            let shift = base.map(|b| b >> level);
+            let moved = |v: [i32; 2]| [v[0].saturating_add(shift[0]), v[1].saturating_add(shift[1])];
+            all[level as usize].join(&Extent { low: moved(e.low), high: moved(e.high) });
+        };
+        let at = p.place();
+        match filter {
+            Filter::Bilinear => join(0, Extent::around(at, [BILINEAR_REACH; 2])),
+            Filter::Lanczos => join(0, Extent::around(at, [LANCZOS_REACH; 2])),
+            Filter::Ewa => {
+                let e = Ellipse::new(p.dx, p.dy, pyramid.levels());
+                if e.share < 1.0 {
+                    join(0, Extent::around(at, [LANCZOS_REACH; 2]));
+                }
+                if e.share > 0.0 {
+                    let scale = 1.0 / (1u64 << e.level) as f32;
+                    join(e.level, Extent::of_ellipse(at.map(|v| v * scale), &e));
+                }
+            }
+        }
+        all
+    };
+    let both = |mut a: [Extent; MOST_LEVELS], b: [Extent; MOST_LEVELS]| {
+        a.iter_mut().zip(&b).for_each(|(a, b)| a.join(b));
+        a
+    };
+    // Smallest and largest numbers do not depend on the order.
+    preimages.par_iter().fold(none, add).reduce(none, both)
+}

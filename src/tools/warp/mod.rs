@@ -1,0 +1,31 @@
+//! Warping pictures, points and outlines by composite mean value mappings.
+//!
+//! [`warp_picture`] goes over the canvas in bands of rows, each a module: how much of every pixel the cage covers ([`cover`]),
+//! where it looks in the picture (the exact pre-images of the map), what it sees there ([`gather`], with the filters of
+//! [`filter`] and [`ewa`] on the [`pyramid`]), and what is written ([`store`]).
+//!
+//! Schneider, Hormann, Floater 2013, section 1 and equation (4), with filtering, pictures larger than memory for their
+//! pre-images, and what lies outside the cage.
+
+pub mod band;
+pub mod cover;
+pub mod draw;
+pub mod ewa;
+pub mod filter;
+pub mod frames;
+pub mod gather;
+pub mod gpu;
+pub mod outline;
+pub mod pictures;
+pub mod placement;
+pub mod preview;
+pub mod pyramid;
+pub mod store;
+
+mod driver;
+
+pub use driver::{LARGEST_SIDE, WarpOptions, WarpOutput, WarpStats, warp_picture};
+pub use filter::Filter;
+pub use placement::Placement;
+pub use preview::Preview;
+pub use store::Outside;

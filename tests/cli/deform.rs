@@ -1,0 +1,88 @@
+//! `barymap deform` end to end.
+
+use barymap::io::read_mesh;
+use glam::DVec3;
+
+use crate::support::Folder;
+
+/// Handles for the sphere of [`Folder::spheres`], both poles and three vertices of the equator, each moved by `by`.
+fn handles(f: &Folder, by: impl Fn(DVec3) -> DVec3) -> String {
+    let mesh = read_mesh(f.path("s.obj")).unwrap().mesh;
+    let last = mesh.vertex_count() - 1;
+    let entries: Vec<String> = [0, last, last / 2, last / 2 + 5, last / 2 + 11]
+        .iter()
+        .map(|&v| format!(r#"{{"vertex": {v}, "position": {:?}}}"#, by(mesh.positions[v]).to_array()))
+        .collect();
+    format!(r#"{{"handles": [{}]}}"#, entries.join(", "))
+}
+
+#[test]
+fn a_turn_is_exact_and_the_file_keeps_everything_else() {
+    let f = Folder::spheres();
+    let turn = |p: DVec3| DVec3::new(-p.y, p.x, p.z) * 2.0;
+    f.write("h.json", &handles(&f, turn));
+    f.run("deform s.obj --handles h.json -o out.obj --report r.json").succeeds();
+    let (before, after) = (read_mesh(f.path("s.obj")).unwrap().mesh, read_mesh(f.path("out.obj")).unwrap().mesh);
+    assert_eq!(before.triangles(), after.triangles());
+    assert_eq!(before.texcoords, after.texcoords);
+    for (p, q) in before.positions.iter().zip(&after.positions) {
+        assert!(turn(*p).distance(*q) < 1e-12, "{p} {q}");
+    }
+    let report = f.json("r.json");
+    assert_eq!(report["command"], "deform");
+    for key in ["g", "g_normalised", "edge_rms", "edge_max", "volume_ratio", "flipped", "iterations"] {
+        assert!(report[key].is_number(), "{key} is missing in {report}");
+    }
+    assert_eq!((report["flipped"].as_u64(), report["iterations"].as_u64()), (Some(0), Some(0)));
+    assert!((report["volume_ratio"].as_f64().unwrap() - 8.0).abs() < 1e-9);
+    // Again, from the cache: the same bytes.
+    let first = f.read("out.obj");
+    f.run("deform s.obj --handles h.json -o out.obj").succeeds();
+    assert_eq!(f.read("out.obj"), first);
+    f.run("deform s.obj --handles h.json -o out.ply --quality converged --stiffness 0.5 --sweeps 1").succeeds();
+    assert_eq!(read_mesh(f.path("out.ply")).unwrap().mesh.vertex_count(), before.vertex_count());
+}
+
+#[test]
+fn a_region_holds_the_rest() {
+    let f = Folder::spheres();
+    let mesh = read_mesh(f.path("s.obj")).unwrap().mesh;
+    let top: Vec<String> =
+        (0..mesh.vertex_count()).filter(|&v| mesh.positions[v].y > 0.0).map(|v| v.to_string()).collect();
+    f.write("roi.txt", &top.join("\n"));
+    let last = mesh.vertex_count() - 1;
+    let lifted = mesh.positions[last] * 1.5;
+    f.write("h.json", &format!(r#"{{"handles": [{{"vertex": {last}, "position": {:?}}}]}}"#, lifted.to_array()));
+    f.run("deform s.obj --handles h.json --roi roi.txt -o out.obj").succeeds();
+    let after = read_mesh(f.path("out.obj")).unwrap().mesh;
+    for v in 0..=last {
+        let still = after.positions[v] == mesh.positions[v];
+        assert_eq!(still, mesh.positions[v].y <= 0.0, "{v}");
+    }
+    assert_eq!(after.positions[last], lifted);
+}
+
+#[test]
+fn faults_are_told_in_words() {
+    let f = Folder::spheres();
+    f.write("h.json", &handles(&f, |p| p));
+    for (name, text, words) in [
+        ("none.json", r#"{"handles": []}"#, &["no handles"][..]),
+        ("far.json", r#"{"handles": [{"vertex": 99999, "position": [0, 0, 0]}]}"#, &["99999"]),
+        ("bad.json", r#"{"handles": [{"vertex": 1}]}"#, &["bad.json", "handle 0"]),
+        (
+            "two.json",
+            r#"{"handles": [{"vertex": 1, "position": [0,0,0]}, {"vertex": 1, "position": [0,0,1]}]}"#,
+            &["vertex 1"],
+        ),
+    ] {
+        f.write(name, text);
+        f.run(&format!("deform s.obj --handles {name} -o out.obj")).fails(1, words);
+    }
+    f.write("roi.txt", "1\nx\n");
+    f.run("deform s.obj --handles h.json --roi roi.txt -o out.obj").fails(1, &["roi.txt", "line 2"]);
+    f.run("deform s.obj --handles gone.json -o out.obj").fails(1, &["gone.json"]);
+    f.run("deform s.obj --handles h.json -o out.stl").fails(2, &["--output"]);
+    f.run("deform s.obj --handles h.json -o out.obj --stiffness -1").fails(2, &["stiffness"]);
+    assert!(!f.path("out.obj").exists());
+}
