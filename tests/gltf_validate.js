@@ -1,5 +1,5 @@
 // Validates GLB files with the glTF validator of Khronos: node gltf_validate.js FILE... ; exit code 1 on any error or warning.
-// The package `gltf-validator` is looked for in the current folder's node_modules and in NODE_PATH.
+// The npm package `gltf-validator` is looked for in the node_modules of the current folder.
 const fs = require("fs");
 const { createRequire } = require("module");
 const path = require("path");

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use barymap::Result;
 use barymap::encoding::Quality;
+use barymap::geometry::Mesh;
 use barymap::io::gltf_write::own_materials;
 use barymap::io::{GlbAnimation, MorphForm, Motion, read_markers, read_motion, write_animated_glb};
 use barymap::tools::animate::frames::{FrameFolder, FrameFormat, contact_sheet};
@@ -238,8 +239,8 @@ fn bind(arguments: &Arguments, motion: &Motion, surface: &Surface) -> Result<Bin
     }
 }
 
-/// The contact sheet. The mesh is drawn with the textures it names, as far as they can be read.
-fn picture(mesh: &barymap::geometry::Mesh, shapes: &[Vec<DVec3>], arguments: &Arguments, path: &Path) -> Result<()> {
+/// The contact sheet, in plain grey: what counts is the shape.
+fn picture(mesh: &Mesh, shapes: &[Vec<DVec3>], arguments: &Arguments, path: &Path) -> Result<()> {
     let options = RenderOptions {
         width: 360,
         height: 480,
