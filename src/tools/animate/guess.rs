@@ -382,8 +382,12 @@ mod tests {
             warnings: Vec::new(),
         };
         let binding = guess(&motion, &mesh, Reference::Frame(0)).unwrap();
-        let right = binding.bonds.iter().filter(|b| chosen[b.point] == b.vertex as usize).count();
+        // The fit weighs shape, not single points: a marker finds its vertex or one next to it.
+        let reach = 0.03 * diagonal(&mesh.positions);
+        let off = |b: &&Bond| mesh.positions[chosen[b.point]].distance(mesh.positions[b.vertex as usize]);
+        let right = binding.bonds.iter().filter(|b| off(b) < reach).count();
         assert!(right >= 36, "{right} of 40, rms {}", binding.rms());
+        assert!(binding.rms() < reach, "{}", binding.rms());
         // One marker far away and one without a name are left out.
         motion.frames[0][3] = Some(to_clip.apply(mesh.bounds().unwrap().1 * 1.5));
         motion.names[4] = "*4".into();
@@ -401,7 +405,7 @@ mod tests {
         assert_eq!(turns.len(), 4 * HEADINGS);
         for (k, (a, up)) in turns.iter().enumerate() {
             assert!((a.determinant() - 1.0).abs() < 1e-12 && (up.y + up.z - 1.0).abs() < 1e-12);
-            assert!(turns[..k].iter().all(|(b, _)| !a.abs_diff_eq(*b, 1e-6)));
+            assert!(turns[..k].iter().all(|(b, way)| !a.abs_diff_eq(*b, 1e-6) || !up.abs_diff_eq(*way, 1e-6)));
         }
     }
 
