@@ -41,9 +41,9 @@ pub(crate) struct Arguments {
     /// First frame of the clip
     #[arg(long, default_value_t = 0)]
     first: usize,
-    /// The frame after the last
-    #[arg(long, default_value_t = usize::MAX)]
-    end: usize,
+    /// The frame after the last; the end of the clip if it is not given
+    #[arg(long)]
+    end: Option<usize>,
     /// Frames per second to make: every so manieth of the clip is taken
     #[arg(long, default_value_t = RATE)]
     rate: f64,
@@ -131,7 +131,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         100.0 * binding.rms() / size,
     ));
     let step = (whole.rate / arguments.rate).round().max(1.0) as usize;
-    let motion = whole.part(arguments.first, arguments.end, 1)?;
+    let motion = whole.part(arguments.first, arguments.end.unwrap_or(usize::MAX), 1)?;
     let options = AnimateOptions {
         quality: arguments.quality,
         gaps: GapOptions {
