@@ -21,7 +21,7 @@ pub enum MorphForm {
     /// where few vertices move) and 4 bytes a pair of frames.
     Frames,
     /// Frames are weighted sums of few targets, as many as are needed to bring every vertex of every frame within `tolerance` (in the mesh's units) of
-    /// its place. The file grows by 24 bytes a vertex and target and 4 bytes a frame and target: a walking body of 13,000 vertices takes 10 to 50 targets.
+    /// its place. The file grows by 24 bytes a vertex and target and 4 bytes a frame and target.
     Components {
         /// Largest distance of a vertex from its place.
         tolerance: f64,
