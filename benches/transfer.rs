@@ -104,12 +104,7 @@ fn kernels(gpu: &Gpu, target: &Mesh, texture: &Image) -> Result<()> {
 }
 
 fn main() -> Result<()> {
-    // The driver reads this once, and a program cannot safely set its own environment.
-    if std::env::var_os("MESA_SHADER_CACHE_DISABLE").is_none() {
-        let mut again = std::process::Command::new(std::env::current_exe()?);
-        let status = again.args(std::env::args_os().skip(1)).env("MESA_SHADER_CACHE_DISABLE", "true").status()?;
-        std::process::exit(status.code().unwrap_or(1));
-    }
+    support::without_shader_cache()?;
     let pair = character_pair();
     let texture = pair.source.texture(2048);
     let texture = Image::new(texture.width(), texture.height(), 4, Pixels::U8(texture.into_raw()))?;
