@@ -2,6 +2,7 @@
 
 mod baseline;
 mod confidence;
+mod drift;
 mod procrustes;
 mod weighted;
 
