@@ -72,6 +72,8 @@ pub(crate) struct Session<'a> {
     pub(crate) engine: Engine,
     pub(crate) bars: Bars,
     pub(crate) watch: Stopwatch,
+    /// What the method `field` chose, for the report.
+    pub(crate) field: Option<Value>,
     cache: Cache,
 }
 
@@ -98,6 +100,7 @@ impl<'a> Session<'a> {
             engine,
             bars: Bars::new(common.quiet),
             watch: Stopwatch::new(),
+            field: None,
             cache: if common.no_cache { Cache::disabled() } else { Cache::from_environment() },
         };
         if let Some(note) = session.engine.note() {
@@ -183,13 +186,17 @@ impl<'a> Session<'a> {
                 .collect::<serde_json::Map<_, _>>()
                 .into()
         };
-        json!({
+        let mut report = json!({
             "command": command,
             "version": env!("CARGO_PKG_VERSION"),
             "backend": {"kind": d.backend, "name": d.name, "driver": d.driver},
             "seconds": stages(&|s| Some(s.seconds)),
             "cpu_seconds": stages(&|s| s.cpu_seconds),
-        })
+        });
+        if let Some(field) = &self.field {
+            report["field"] = field.clone();
+        }
+        report
     }
 
     /// Writes the report where one is asked for.

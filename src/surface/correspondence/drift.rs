@@ -13,19 +13,19 @@ use crate::surface::average::{GAMMA, orthonormalise, weights};
 use crate::surface::vector::{Vector, add_scaled, distance_squared, dot, sub};
 
 /// A point of a surface with its tangent plane.
-type Place<const D: usize> = (Vector<f64, D>, [Vector<f64, D>; 2]);
+pub(crate) type Place<const D: usize> = (Vector<f64, D>, [Vector<f64, D>; 2]);
 
 /// The anchors in both embeddings.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Anchors<'a, const D: usize> {
+pub(crate) struct Anchors<'a, const D: usize> {
     /// On the target.
-    pub(super) a: &'a [Vector<f64, D>],
+    pub(crate) a: &'a [Vector<f64, D>],
     /// On the source.
-    pub(super) b: &'a [Vector<f64, D>],
+    pub(crate) b: &'a [Vector<f64, D>],
 }
 
 /// Weights `1/D_i^2` of eq. 13 of the anchors `a` at a point; a thousandth of an edge squared keeps that of an anchor at the point finite.
-pub(super) fn nearness<const D: usize>((y, t): &Place<D>, a: &[Vector<f64, D>]) -> Vec<f64> {
+pub(crate) fn nearness<const D: usize>((y, t): &Place<D>, a: &[Vector<f64, D>]) -> Vec<f64> {
     a.iter()
         .map(|a| {
             let d = sub(a, y);
@@ -36,13 +36,13 @@ pub(super) fn nearness<const D: usize>((y, t): &Place<D>, a: &[Vector<f64, D>]) 
         .collect()
 }
 
-fn place<const D: usize>(surface: &PhongSurface<f64, D>, p: &SurfacePoint) -> Place<D> {
+pub(crate) fn place<const D: usize>(surface: &PhongSurface<f64, D>, p: &SurfacePoint) -> Place<D> {
     let triangle = surface.triangle(p.face);
     (triangle.point(&p.barycentric), orthonormalise(triangle.psi(&p.barycentric)))
 }
 
 /// Where the anchors send a point of the target; `scale` is edges of the source per edge of the target where residuals are carried over.
-fn predict<const D: usize>(at: &Place<D>, anchors: Anchors<'_, D>, scale: Option<f64>) -> Vector<f64, D> {
+pub(crate) fn predict<const D: usize>(at: &Place<D>, anchors: Anchors<'_, D>, scale: Option<f64>) -> Vector<f64, D> {
     let Anchors { a, b } = anchors;
     let mut w = vec![0.0; a.len()];
     weights(&at.0, &at.1, a, &mut w);
@@ -76,21 +76,30 @@ fn left_out<const D: usize>(
         .collect()
 }
 
-/// The expected error at every vertex of the target, in edges of the source.
-///
-/// An anchor left out, with the next one at a distance s, comes out wrong by L: a drift of L / s per unit of distance. The drift at a vertex is the
-/// average of these over the anchors with weights `1/d^4` of their distances d, times the distance of the nearest anchor; it is 0 on anchors, and everywhere if the two surfaces
-/// with their anchors are congruent and residuals are carried over. Distances are those of the embedding. On pairs with known truth it ranks what is smooth but wrong, which
-/// the residual does not (docs/measurements.md). O(V n D + n^2 D^2).
-pub(super) fn expected_drift<const D: usize>(
+/// The expected error at every vertex of the target, in edges of the source. O(V n D + n^2 D^2).
+pub(crate) fn expected_drift<const D: usize>(
     source: &PhongSurface<f64, D>,
     target: &PhongSurface<f64, D>,
     pairs: &AnchorPairs,
     anchors: Anchors<'_, D>,
     scale: Option<f64>,
 ) -> Vec<f64> {
-    let a = anchors.a;
-    let rates: Vec<f64> = left_out(source, target, pairs, anchors, scale)
+    spread_drift(target, 1.0, anchors.a, &left_out(source, target, pairs, anchors, scale))
+}
+
+/// Errors of left out anchors spread over the vertices of the target; `edge` is the unit of the anchors `a`.
+///
+/// An anchor left out, with the next one at a distance s, comes out wrong by L: a drift of L / s per unit of distance. The drift at a vertex is the
+/// average of these over the anchors with weights `1/d^4` of their distances d, times the distance of the nearest anchor; it is 0 on anchors, and everywhere if the two surfaces
+/// with their anchors are congruent and residuals are carried over. Distances are those of the embedding. On pairs with known truth it ranks what is smooth but wrong, which
+/// the residual does not (docs/measurements.md). O(V n D).
+pub(crate) fn spread_drift<const D: usize>(
+    target: &PhongSurface<f64, D>,
+    edge: f64,
+    a: &[Vector<f64, D>],
+    left_out: &[f64],
+) -> Vec<f64> {
+    let rates: Vec<f64> = left_out
         .iter()
         .enumerate()
         .map(|(i, l)| {
@@ -102,13 +111,14 @@ pub(super) fn expected_drift<const D: usize>(
         .vertices
         .par_iter()
         .map(|vertex| {
-            let nearest = a.iter().map(|a| distance_squared(a, &vertex.y)).fold(f64::INFINITY, f64::min);
+            let y = vertex.y.map(|x| x * edge);
+            let nearest = a.iter().map(|a| distance_squared(a, &y)).fold(f64::INFINITY, f64::min);
             if !(nearest > f64::MIN_POSITIVE) {
                 return 0.0;
             }
             let (mut sum, mut total) = (0.0, 0.0);
             for (a, rate) in a.iter().zip(&rates) {
-                let weight = (nearest / distance_squared(a, &vertex.y)).powi(2);
+                let weight = (nearest / distance_squared(a, &y)).powi(2);
                 sum += weight * rate;
                 total += weight;
             }

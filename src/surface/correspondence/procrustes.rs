@@ -8,7 +8,7 @@ use crate::surface::vector::{Vector, sub};
 const COMPLETION: f64 = 1e-6;
 
 /// The identity.
-pub(super) fn identity<const D: usize>() -> [Vector<f64, D>; D] {
+pub(crate) fn identity<const D: usize>() -> [Vector<f64, D>; D] {
     std::array::from_fn(|r| std::array::from_fn(|c| if r == c { 1.0 } else { 0.0 }))
 }
 
@@ -17,7 +17,7 @@ pub(super) fn identity<const D: usize>() -> [Vector<f64, D>; D] {
 ///
 /// Directions the points do not span (fewer than `D + 1` of them, or none but a few with a weight that counts) are completed as near to `completion` as possible: a millionth of it is
 /// added, so that with the identity equal point sets of any number give the identity.
-pub(super) fn orthogonal<const D: usize>(
+pub(crate) fn orthogonal<const D: usize>(
     a: &[Vector<f64, D>],
     b: &[Vector<f64, D>],
     weights: &[f64],

@@ -274,20 +274,9 @@ impl<S: Real, const D: usize> WeightedAverages<S, D> {
     }
 
     /// Forward problem: projects an average of a point of the target's triangle `face` onto the source.
-    ///
-    /// Nearly always the barycentric walk from the image of the triangle's centroid ends at a projection that is nearer than the images of the
-    /// triangle's vertices; else these start the search, and a second, longer one for what that leaves.
     #[inline(always)]
     pub fn forward(&self, face: u32, mean: &Vector<S, D>) -> Projection<S> {
-        let starts = self.starts_of(face);
-        if let Some(p) = self.source.project_from(mean, self.start_faces[face as usize], &starts) {
-            return p;
-        }
-        let first = self.source.project(mean, &starts, SearchLimits::FIRST);
-        if first.found == Found::Nothing && first.face != NONE {
-            return self.source.project(mean, &starts, SearchLimits::SECOND);
-        }
-        first
+        self.source.project_near(mean, self.start_faces[face as usize], &self.starts_of(face))
     }
 
     /// The expected error of a point, between those of the vertices around it.

@@ -1,0 +1,177 @@
+//! Where each vertex of the target may go: several predictions, the best of them chosen by what they say of anchors left out.
+
+use glam::DVec3;
+use nalgebra::DMatrix;
+
+use super::radial::Radial;
+use super::rigid::{rigid, rigid_in_space};
+use crate::surface::correspondence::drift::{Anchors, Place, predict};
+use crate::surface::correspondence::procrustes::{identity, orthogonal};
+use crate::surface::vector::{Vector, distance_squared, dot, sub};
+
+/// What is known of the anchors, all lengths at unit area.
+#[derive(Clone, Debug)]
+pub(super) struct Known<const D: usize> {
+    /// On the target: point and tangent plane in the embedding.
+    pub(super) places: Vec<Place<D>>,
+    /// The points alone.
+    pub(super) a: Vec<Vector<f64, D>>,
+    /// On the source, in the embedding.
+    pub(super) b: Vec<Vector<f64, D>>,
+    /// On the target, in space.
+    pub(super) s: Vec<DVec3>,
+    /// On the source, in space.
+    pub(super) t: Vec<DVec3>,
+}
+
+/// A point of the target in both spaces.
+pub(super) type Point<const D: usize> = (Place<D>, DVec3);
+
+/// A prediction of points of R^M, with what it misses each anchor by when that is left out.
+pub(super) struct Predictor<'a, const D: usize, const M: usize> {
+    /// For the report.
+    pub(super) name: &'static str,
+    predict: Box<dyn Fn(&Point<D>) -> [f64; M] + Sync + 'a>,
+    /// Predicted minus given, anchor by anchor.
+    pub(super) left_out: Vec<[f64; M]>,
+}
+
+impl<const D: usize, const M: usize> Predictor<'_, D, M> {
+    pub(super) fn at(&self, point: &Point<D>) -> [f64; M] {
+        (self.predict)(point)
+    }
+
+    /// Root mean square of the errors of left out anchors, the worst tenth passed over.
+    pub(super) fn error(&self) -> f64 {
+        let mut squares: Vec<f64> = self.left_out.iter().map(|e| e.iter().map(|x| x * x).sum()).collect();
+        squares.sort_by(f64::total_cmp);
+        let kept = squares.len() - squares.len() / 10;
+        (squares[..kept].iter().sum::<f64>() / kept as f64).sqrt()
+    }
+}
+
+/// The one with the smallest error; the earlier of equal ones, and the first if none is finite.
+fn best<const D: usize, const M: usize>(all: Vec<Predictor<'_, D, M>>) -> Option<Predictor<'_, D, M>> {
+    all.into_iter().reduce(|x, y| if y.error() < x.error() { y } else { x })
+}
+
+fn rows<const M: usize>(x: &DMatrix<f64>) -> Vec<[f64; M]> {
+    (0..x.nrows()).map(|i| std::array::from_fn(|m| -x[(i, m)])).collect()
+}
+
+fn array(p: DVec3) -> [f64; 3] {
+    p.to_array()
+}
+
+impl<const D: usize> Known<D> {
+    fn count(&self) -> usize {
+        self.a.len()
+    }
+
+    fn kernel(&self, phi: impl Fn(f64) -> f64) -> DMatrix<f64> {
+        DMatrix::from_fn(self.count(), self.count(), |i, j| phi(distance_squared(&self.a[i], &self.a[j]).sqrt()))
+    }
+
+    fn phi(&self, y: &Vector<f64, D>, phi: impl Fn(f64) -> f64) -> Vec<f64> {
+        self.a.iter().map(|a| phi(distance_squared(a, y).sqrt())).collect()
+    }
+
+    /// Predictions in the embedding.
+    pub(super) fn embedded(&self) -> Option<Predictor<'_, D, D>> {
+        let n = self.count();
+        let global = orthogonal(&self.a, &self.b, &vec![1.0; n], &identity());
+        let turned = move |y: &Vector<f64, D>| -> Vector<f64, D> { std::array::from_fn(|k| dot(&global[k], y)) };
+        let mut all = vec![Predictor {
+            name: "rigid moving least squares",
+            predict: Box::new(move |p: &Point<D>| rigid(&p.0.0, &self.a, &self.b, &global, None)),
+            left_out: (0..n).map(|i| sub(&rigid(&self.a[i], &self.a, &self.b, &global, Some(i)), &self.b[i])).collect(),
+        }];
+        if n > 3 {
+            all.push(Predictor {
+                name: "residual transport",
+                predict: Box::new(|p: &Point<D>| predict(&p.0, Anchors { a: &self.a, b: &self.b }, Some(1.0))),
+                left_out: (0..n)
+                    .map(|i| {
+                        let without = |x: &[Vector<f64, D>]| [&x[..i], &x[i + 1..]].concat();
+                        let (a, b) = (without(&self.a), without(&self.b));
+                        sub(&predict(&self.places[i], Anchors { a: &a, b: &b }, Some(1.0)), &self.b[i])
+                    })
+                    .collect(),
+            });
+        }
+        let ones = DMatrix::from_element(n, 1, 1.0);
+        let rest = DMatrix::from_fn(n, D, |i, k| self.b[i][k] - turned(&self.a[i])[k]);
+        if let Some(fit) = Radial::fit(&self.kernel(|r| r), &ones, &rest) {
+            all.push(Predictor {
+                name: "linear radial functions",
+                left_out: rows(&fit.left_out),
+                predict: Box::new(move |p: &Point<D>| {
+                    let (y, r) = (turned(&p.0.0), fit.at::<D>(&self.phi(&p.0.0, |r| r), &[1.0]));
+                    std::array::from_fn(|k| y[k] + r[k])
+                }),
+            });
+        }
+        if n >= 2 * (D + 1) {
+            let affine = DMatrix::from_fn(n, D + 1, |i, k| if k == 0 { 1.0 } else { self.a[i][k - 1] });
+            let values = DMatrix::from_fn(n, D, |i, k| self.b[i][k]);
+            if let Some(fit) = Radial::fit(&self.kernel(|r| -r * r * r), &affine, &values) {
+                all.push(Predictor {
+                    name: "cubic radial functions",
+                    left_out: rows(&fit.left_out),
+                    predict: Box::new(move |p: &Point<D>| {
+                        let mut row = vec![1.0];
+                        row.extend(p.0.0);
+                        fit.at(&self.phi(&p.0.0, |r| -r * r * r), &row)
+                    }),
+                });
+            }
+        }
+        best(all)
+    }
+
+    /// Predictions in space.
+    pub(super) fn spatial(&self) -> Option<Predictor<'_, D, 3>> {
+        let n = self.count();
+        let sides = (self.s.as_slice(), self.t.as_slice());
+        let mut all: Vec<Predictor<'_, D, 3>> =
+            [("rigid motions along the surface", false), ("reflections along the surface", true)]
+                .into_iter()
+                .map(|(name, mirror)| Predictor {
+                    name,
+                    predict: Box::new(move |p: &Point<D>| {
+                        array(rigid_in_space((&p.0.0, p.1), &self.a, sides, mirror, None))
+                    }),
+                    left_out: (0..n)
+                        .map(|i| {
+                            let at = (&self.a[i], self.s[i]);
+                            array(rigid_in_space(at, &self.a, sides, mirror, Some(i)) - self.t[i])
+                        })
+                        .collect(),
+                })
+                .collect();
+        if n >= 5 {
+            let affine = DMatrix::from_fn(n, 4, |i, k| if k == 0 { 1.0 } else { self.s[i][k - 1] });
+            let values = DMatrix::from_fn(n, 3, |i, k| self.t[i][k]);
+            let row = |x: DVec3| [1.0, x.x, x.y, x.z];
+            let apart = DMatrix::from_fn(n, n, |i, j| self.s[i].distance(self.s[j]));
+            if let Some(fit) = Radial::fit(&apart, &affine, &values) {
+                all.push(Predictor {
+                    name: "radial functions in space",
+                    left_out: rows(&fit.left_out),
+                    predict: Box::new(move |p: &Point<D>| {
+                        let phi: Vec<f64> = self.s.iter().map(|s| s.distance(p.1)).collect();
+                        fit.at(&phi, &row(p.1))
+                    }),
+                });
+            }
+            if let Some(fit) = Radial::fit(&self.kernel(|r| r), &affine, &values) {
+                all.push(Predictor {
+                    name: "radial functions along the surface",
+                    left_out: rows(&fit.left_out),
+                    predict: Box::new(move |p: &Point<D>| fit.at(&self.phi(&p.0.0, |r| r), &row(p.1))),
+                });
+            }
+        }
+        best(all)
+    }
+}
