@@ -104,7 +104,9 @@ pub(crate) fn spread_drift<const D: usize>(
         .enumerate()
         .map(|(i, l)| {
             let others = (0..a.len()).filter(|j| *j != i).map(|j| distance_squared(&a[i], &a[j]));
-            l / others.fold(f64::INFINITY, f64::min).sqrt().max(f64::MIN_POSITIVE)
+            let next = others.fold(f64::INFINITY, f64::min).sqrt();
+            // A single anchor says nothing.
+            if next.is_finite() { l / next.max(f64::MIN_POSITIVE) } else { f64::MAX }
         })
         .collect();
     target

@@ -4,10 +4,10 @@ use glam::DVec3;
 use nalgebra::DMatrix;
 
 use super::radial::Radial;
-use super::rigid::{rigid, rigid_in_space};
+use super::rigid::{Turn, rigid, rigid_in_space};
 use crate::surface::correspondence::drift::{Anchors, Place, predict};
 use crate::surface::correspondence::procrustes::{identity, orthogonal};
-use crate::surface::vector::{Vector, distance_squared, dot, sub};
+use crate::surface::vector::{Vector, add_scaled, distance_squared, dot, sub};
 
 /// What is known of the anchors, all lengths at unit area.
 #[derive(Clone, Debug)]
@@ -76,16 +76,33 @@ impl<const D: usize> Known<D> {
         self.a.iter().map(|a| phi(distance_squared(a, y).sqrt())).collect()
     }
 
+    /// How much wider the anchors stand on the source than on the target: not 1 at unit area where one surface is a part of the other, or has a tail the other lacks.
+    fn scale<const M: usize>(&self, from: &[Vector<f64, M>], to: &[Vector<f64, M>]) -> f64 {
+        let spread = |x: &[Vector<f64, M>]| {
+            let mean = x.iter().fold([0.0; M], |sum, p| add_scaled(&sum, 1.0 / x.len() as f64, p));
+            x.iter().map(|p| distance_squared(p, &mean)).sum::<f64>()
+        };
+        let ratio = (spread(to) / spread(from)).sqrt();
+        if ratio.is_finite() && ratio > 0.0 { ratio } else { 1.0 }
+    }
+
     /// Predictions in the embedding.
     pub(super) fn embedded(&self) -> Option<Predictor<'_, D, D>> {
         let n = self.count();
         let global = orthogonal(&self.a, &self.b, &vec![1.0; n], &identity());
         let turned = move |y: &Vector<f64, D>| -> Vector<f64, D> { std::array::from_fn(|k| dot(&global[k], y)) };
-        let mut all = vec![Predictor {
-            name: "rigid moving least squares",
-            predict: Box::new(move |p: &Point<D>| rigid(&p.0.0, &self.a, &self.b, &global, None)),
-            left_out: (0..n).map(|i| sub(&rigid(&self.a[i], &self.a, &self.b, &global, Some(i)), &self.b[i])).collect(),
-        }];
+        let sides = (self.a.as_slice(), self.b.as_slice());
+        let mut all: Vec<Predictor<'_, D, D>> =
+            [("rigid moving least squares", 1.0), ("similar moving least squares", self.scale(&self.a, &self.b))]
+                .into_iter()
+                .map(|(name, scale)| Predictor {
+                    name,
+                    predict: Box::new(move |p: &Point<D>| rigid(&p.0.0, sides, &global, scale, None)),
+                    left_out: (0..n)
+                        .map(|i| sub(&rigid(&self.a[i], sides, &global, scale, Some(i)), &self.b[i]))
+                        .collect(),
+                })
+                .collect();
         if n > 3 {
             all.push(Predictor {
                 name: "residual transport",
@@ -133,22 +150,31 @@ impl<const D: usize> Known<D> {
     pub(super) fn spatial(&self) -> Option<Predictor<'_, D, 3>> {
         let n = self.count();
         let sides = (self.s.as_slice(), self.t.as_slice());
-        let mut all: Vec<Predictor<'_, D, 3>> =
-            [("rigid motions along the surface", false), ("reflections along the surface", true)]
-                .into_iter()
-                .map(|(name, mirror)| Predictor {
-                    name,
-                    predict: Box::new(move |p: &Point<D>| {
-                        array(rigid_in_space((&p.0.0, p.1), &self.a, sides, mirror, None))
-                    }),
-                    left_out: (0..n)
-                        .map(|i| {
-                            let at = (&self.a[i], self.s[i]);
-                            array(rigid_in_space(at, &self.a, sides, mirror, Some(i)) - self.t[i])
-                        })
-                        .collect(),
-                })
-                .collect();
+        let scale = {
+            let rows = |p: &[DVec3]| p.iter().map(|p| [p.x, p.y, p.z, 0.0]).collect::<Vec<[f64; 4]>>();
+            self.scale(&rows(&self.s), &rows(&self.t))
+        };
+        let mut all: Vec<Predictor<'_, D, 3>> = [
+            ("rigid motions along the surface", false, 1.0),
+            ("similarities along the surface", false, scale),
+            ("reflections along the surface", true, 1.0),
+            ("reflected similarities along the surface", true, scale),
+        ]
+        .into_iter()
+        .map(|(name, mirror, scale)| {
+            let turn = Turn { mirror, scale };
+            Predictor {
+                name,
+                predict: Box::new(move |p: &Point<D>| array(rigid_in_space((&p.0.0, p.1), &self.a, sides, turn, None))),
+                left_out: (0..n)
+                    .map(|i| {
+                        let at = (&self.a[i], self.s[i]);
+                        array(rigid_in_space(at, &self.a, sides, turn, Some(i)) - self.t[i])
+                    })
+                    .collect(),
+            }
+        })
+        .collect();
         if n >= 5 {
             let affine = DMatrix::from_fn(n, 4, |i, k| if k == 0 { 1.0 } else { self.s[i][k - 1] });
             let values = DMatrix::from_fn(n, 3, |i, k| self.t[i][k]);

@@ -13,12 +13,12 @@ const WIDE: f64 = 0.3;
 /// Squared length, at unit area, over which the wider fit looks.
 const WIDTH: f64 = 0.02;
 
-/// The image of `y` under the orthogonal map and shift that fit the anchors `a -> b` with weights `|y - a_i|^-4`, anchor `skip` left out.
+/// The image of `y` under the orthogonal map, times `scale`, and shift that fit the anchors `a -> b` with weights `|y - a_i|^-4`, anchor `skip` left out.
 pub(super) fn rigid<const D: usize>(
     y: &Vector<f64, D>,
-    a: &[Vector<f64, D>],
-    b: &[Vector<f64, D>],
+    (a, b): (&[Vector<f64, D>], &[Vector<f64, D>]),
     completion: &[Vector<f64, D>; D],
+    scale: f64,
     skip: Option<usize>,
 ) -> Vector<f64, D> {
     let weights = weights(y, a, skip, |d| d.powi(-2));
@@ -27,7 +27,7 @@ pub(super) fn rigid<const D: usize>(
         |x: &[Vector<f64, D>]| x.iter().zip(&weights).fold([0.0; D], |sum, (x, w)| add_scaled(&sum, w / total, x));
     let (from, to) = (sub(y, &mean(a)), mean(b));
     let q = orthogonal(a, b, &weights, completion);
-    std::array::from_fn(|i| to[i] + dot(&q[i], &from))
+    std::array::from_fn(|i| to[i] + scale * dot(&q[i], &from))
 }
 
 /// Weights of the anchors by their squared distances from `y`.
@@ -43,13 +43,22 @@ fn weights<const D: usize>(
         .collect()
 }
 
+/// How a map of space may turn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Turn {
+    /// By a reflection instead of a rotation.
+    pub(super) mirror: bool,
+    /// Lengths grow by this.
+    pub(super) scale: f64,
+}
+
 /// The image of the point `x` of space, `y` in the embedding, under a rotation and shift fitted to the anchors' places `s -> t` in space; how near anchors are is told
-/// by the embedding, so that an arm does not drag the hip. `mirror` asks for a reflection instead of a rotation. Anchor `skip` is left out.
+/// by the embedding, so that an arm does not drag the hip. Anchor `skip` is left out.
 pub(super) fn rigid_in_space<const D: usize>(
     (y, x): (&Vector<f64, D>, DVec3),
     a: &[Vector<f64, D>],
     (s, t): (&[DVec3], &[DVec3]),
-    mirror: bool,
+    turn: Turn,
     skip: Option<usize>,
 ) -> DVec3 {
     let near = weights(y, a, skip, |d| d.powi(-2));
@@ -65,10 +74,10 @@ pub(super) fn rigid_in_space<const D: usize>(
         let size = h.norm();
         if size > 0.0 { h / size } else { h }
     };
-    let r = rotation(covariance(&near) + covariance(&wide) * WIDE, mirror);
+    let r = rotation(covariance(&near) + covariance(&wide) * WIDE, turn.mirror);
     let d = x - mean(s, &near);
     let turned = r * nalgebra::Vector3::new(d.x, d.y, d.z);
-    mean(t, &near) + DVec3::new(turned.x, turned.y, turned.z)
+    mean(t, &near) + DVec3::new(turned.x, turned.y, turned.z) * turn.scale
 }
 
 /// The rotation (or reflection) nearest to `h`.
@@ -101,10 +110,10 @@ mod tests {
         let b: Vec<_> = a.iter().map(motion).collect();
         let y = [0.3, -0.2, 0.6, 0.1];
         for (i, skip) in [None, Some(0), Some(5)].into_iter().enumerate() {
-            let found = rigid(&y, &a, &b, &identity(), skip);
+            let found = rigid(&y, (&a, &b), &identity(), 1.0, skip);
             assert!(distance_squared(&found, &motion(&y)).sqrt() < 1e-4, "{i}");
         }
-        let at = rigid(&a[3], &a, &b, &identity(), None);
+        let at = rigid(&a[3], (&a, &b), &identity(), 1.0, None);
         assert!(distance_squared(&at, &b[3]).sqrt() < 1e-9);
     }
 
@@ -118,9 +127,9 @@ mod tests {
         let y = [x.x, x.y, x.z, 0.0];
         for (mirror, map) in [(false, &turn as &dyn Fn(DVec3) -> DVec3), (true, &flip)] {
             let t: Vec<DVec3> = s.iter().map(|&p| map(p)).collect();
-            let right = rigid_in_space((&y, x), &a, (&s, &t), mirror, None);
+            let right = rigid_in_space((&y, x), &a, (&s, &t), Turn { mirror, scale: 1.0 }, None);
             assert!(right.distance(map(x)) < 1e-9);
-            let wrong = rigid_in_space((&y, x), &a, (&s, &t), !mirror, None);
+            let wrong = rigid_in_space((&y, x), &a, (&s, &t), Turn { mirror: !mirror, scale: 1.0 }, None);
             assert!(wrong.distance(map(x)) > 1e-2);
         }
     }
