@@ -2,7 +2,7 @@
 //!
 //! Weighted averages ([`super::correspondence::WeightedAverages`]) solve an inverse problem at every point, and their averages end off the surface by as much as the two
 //! embeddings disagree. Here every *vertex* of the target gets a point `z = (y, lambda x)`: `y` predicted in the embedding, which does not care about poses, `x` in space, which is exact where the
-//! poses agree; `lambda` and the predictions are chosen by what anchors say that are left out. Then `z` is drawn onto the source by displacements that are smooth over the target, anchors
+//! poses agree; `lambda` and the mixture of predictions are chosen by what anchors say that are left out. Then `z` is drawn onto the source by displacements that are smooth over the target, anchors
 //! staying where they are. A point between vertices is interpolated and projected (Phong projection of Panozzo et al. 2013, in more dimensions): no pass over the anchors.
 
 mod closest;
@@ -56,10 +56,10 @@ impl Default for FieldOptions {
 /// What was chosen, for the report.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct FieldReport {
-    /// Name of the prediction in the embedding.
-    pub embedded: &'static str,
-    /// Name of the prediction in space.
-    pub spatial: &'static str,
+    /// Predictions in the embedding, with their weights.
+    pub embedded: Vec<(&'static str, f64)>,
+    /// Predictions in space, with their weights.
+    pub spatial: Vec<(&'static str, f64)>,
     /// Weight of places in space.
     pub lambda: f64,
     /// For each anchor how far the others would have missed it, over the square root of the source's area.
@@ -237,7 +237,7 @@ impl<S: Real, const K: usize> Field<S, K> {
             .par_iter()
             .map(|t| image(&combine(&[1.0 / 3.0; 3], t.map(|v| &z[v as usize]))).map_or(NONE, |c| c.face))
             .collect();
-        let report = FieldReport { embedded: embedded.name, spatial: spatial.name, lambda, left_out };
+        let report = FieldReport { embedded: embedded.parts.clone(), spatial: spatial.parts.clone(), lambda, left_out };
         let unit = reference.edge;
         Ok(Self {
             source: reference.cast(),
@@ -322,5 +322,109 @@ impl<S: Real, const K: usize> PointMap for Field<S, K> {
 
     fn field(&self) -> Option<&FieldReport> {
         Some(&self.report)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Topology;
+    use crate::models::shapes::lobed_sphere;
+    use crate::surface::anchors::vertex_point;
+    use crate::surface::embedding::{Embedding, Seconds};
+
+    /// A mesh "embedded" by its own positions.
+    fn embedded(mesh: &Mesh) -> (Topology, Embedding) {
+        let points: Vec<f64> = mesh.positions.iter().flat_map(|p| [p.x, p.y, p.z, 0.0, 0.0, 0.0, 0.0, 0.0]).collect();
+        let embedding = Embedding {
+            dimension: 8,
+            points,
+            landmarks: Vec::new(),
+            stress: 0.0,
+            sweeps: 0,
+            seconds: Seconds::default(),
+            warnings: Vec::new(),
+        };
+        (Topology::new(mesh), embedding)
+    }
+
+    fn pairs(source: &Mesh, target: &Mesh, vertices: &[u32]) -> AnchorPairs {
+        let points = |mesh: &Mesh| {
+            let topology = Topology::new(mesh);
+            vertices.iter().map(|&v| vertex_point(mesh, &topology, v, "anchor").unwrap()).collect()
+        };
+        AnchorPairs { source: points(source), target: points(target) }
+    }
+
+    /// Distances between the images of all vertices and the source's vertices of the same number, over the source's size, and the statuses.
+    fn errors(source: &Mesh, target: &Mesh, vertices: &[u32], relax: bool) -> (Vec<f64>, Vec<PackedImage>) {
+        let ((st, se), (tt, te)) = (embedded(source), embedded(target));
+        let shape = |mesh, topology, embedding| Shape { mesh, topology, embedding: Some(embedding) };
+        let options = FieldOptions { relax, ..FieldOptions::default() };
+        let anchors = pairs(source, target, vertices);
+        let field =
+            Field::<f64, 12>::new::<8>(shape(source, &st, &se), shape(target, &tt, &te), &anchors, &options).unwrap();
+        let points: Vec<PackedPoint> =
+            (0..target.vertex_count() as u32).map(|v| tt.vertex_point(v).unwrap().into()).collect();
+        let mut images = Vec::new();
+        field.map(&points, &mut images).unwrap();
+        let unit = source.area().sqrt();
+        let off =
+            images.iter().zip(&source.positions).map(|(i, p)| i.point().unwrap().position(source).distance(*p) / unit);
+        (off.collect(), images)
+    }
+
+    fn most(e: &[f64]) -> f64 {
+        e.iter().copied().fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn a_congruent_surface_is_met_exactly() {
+        let target = lobed_sphere(3, 0.3);
+        let mut source = target.clone();
+        source.positions.iter_mut().for_each(|p| *p = DVec3::new(-p.y, p.x, p.z) * 3.0 + 1.0);
+        let vertices: Vec<u32> = (0..target.vertex_count() as u32).step_by(29).collect();
+        for relax in [false, true] {
+            let (off, images) = errors(&source, &target, &vertices, relax);
+            assert!(most(&off) < 1e-5, "{}", most(&off));
+            assert!(images.iter().all(|i| i.status() == crate::surface::Status::Valid));
+        }
+        // A mirror image too.
+        source.positions.iter_mut().for_each(|p| p.x = -p.x);
+        assert!(most(&errors(&source, &target, &vertices, true).0) < 1e-5);
+        // The measure can fail: two anchors exchanged.
+        let mut wrong = vertices.clone();
+        wrong.swap(2, 9);
+        let (st, se) = embedded(&source);
+        let (tt, te) = embedded(&target);
+        let anchors = AnchorPairs {
+            source: pairs(&source, &target, &wrong).source,
+            target: pairs(&source, &target, &vertices).target,
+        };
+        let (s, t) = (
+            Shape { mesh: &source, topology: &st, embedding: Some(&se) },
+            Shape { mesh: &target, topology: &tt, embedding: Some(&te) },
+        );
+        let field = Field::<f64, 12>::new::<8>(s, t, &anchors, &FieldOptions::default()).unwrap();
+        assert!(most(&field.report.left_out) > 0.1);
+    }
+
+    #[test]
+    fn anchors_stay_where_they_are_put_and_few_give_a_result() {
+        let target = lobed_sphere(3, 0.3);
+        let mut source = target.clone();
+        source.positions.iter_mut().for_each(|p| *p *= 1.0 + 0.25 * (2.0 * p.x).sin());
+        let vertices: Vec<u32> = (0..target.vertex_count() as u32).step_by(29).collect();
+        let (off, _) = errors(&source, &target, &vertices, true);
+        for &v in &vertices {
+            assert!(off[v as usize] < 1e-5, "{v}: {}", off[v as usize]);
+        }
+        assert!(off.iter().sum::<f64>() / (off.len() as f64) < 0.03);
+        for count in 1..=5 {
+            let (off, images) = errors(&source, &target, &vertices[..count], true);
+            assert!(off.iter().all(|e| e.is_finite()), "{count}");
+            // One anchor tells nothing of the others.
+            assert!(count > 1 || images.iter().filter(|i| i.status() == crate::surface::Status::Valid).count() <= 1);
+        }
     }
 }

@@ -29,8 +29,8 @@ pub(super) type Point<const D: usize> = (Place<D>, DVec3);
 
 /// A prediction of points of R^M, with what it misses each anchor by when that is left out.
 pub(super) struct Predictor<'a, const D: usize, const M: usize> {
-    /// For the report.
-    pub(super) name: &'static str,
+    /// For the report: predictions and their weights in the mixture.
+    pub(super) parts: Vec<(&'static str, f64)>,
     predict: Box<dyn Fn(&Point<D>) -> [f64; M] + Sync + 'a>,
     /// Predicted minus given, anchor by anchor.
     pub(super) left_out: Vec<[f64; M]>,
@@ -50,9 +50,71 @@ impl<const D: usize, const M: usize> Predictor<'_, D, M> {
     }
 }
 
-/// The one with the smallest error; the earlier of equal ones, and the first if none is finite.
-fn best<const D: usize, const M: usize>(all: Vec<Predictor<'_, D, M>>) -> Option<Predictor<'_, D, M>> {
-    all.into_iter().reduce(|x, y| if y.error() < x.error() { y } else { x })
+/// The mixture of all with the smallest error of left out anchors: nonnegative weights that sum to one (stacking; Breiman, 1996). Predictions err in different directions, so
+/// that a mixture is better than the best of them. `None` if there are none.
+fn mixed<const D: usize, const M: usize>(all: Vec<Predictor<'_, D, M>>) -> Option<Predictor<'_, D, M>> {
+    let usable: Vec<Predictor<'_, D, M>> = if all.iter().any(|p| p.error().is_finite()) {
+        all.into_iter().filter(|p| p.error().is_finite()).collect()
+    } else {
+        return all.into_iter().next();
+    };
+    // The anchors that the best one predicts worst say more about themselves than about predictions.
+    let best = usable.iter().min_by(|x, y| x.error().total_cmp(&y.error()))?;
+    let size = |e: &[f64; M]| e.iter().map(|x| x * x).sum::<f64>();
+    let mut order: Vec<usize> = (0..best.left_out.len()).collect();
+    order.sort_by(|&i, &j| size(&best.left_out[i]).total_cmp(&size(&best.left_out[j])));
+    order.truncate(order.len() - order.len() / 10);
+    let product = |p: &Predictor<'_, D, M>, q: &Predictor<'_, D, M>| -> f64 {
+        order.iter().map(|&i| (0..M).map(|m| p.left_out[i][m] * q.left_out[i][m]).sum::<f64>()).sum()
+    };
+    let gram: Vec<Vec<f64>> = usable.iter().map(|p| usable.iter().map(|q| product(p, q)).collect()).collect();
+    let weights = mixture(&gram);
+    let names = usable.iter().zip(&weights).filter(|(_, w)| **w > 0.0).map(|(p, &w)| (p.parts[0].0, w)).collect();
+    let left_out = (0..usable[0].left_out.len())
+        .map(|i| std::array::from_fn(|m| usable.iter().zip(&weights).map(|(p, w)| w * p.left_out[i][m]).sum()))
+        .collect();
+    let parts: Vec<_> = usable.into_iter().zip(weights).filter(|(_, w)| *w > 0.0).collect();
+    let predict = move |p: &Point<D>| {
+        let mut sum = [0.0; M];
+        for (part, w) in &parts {
+            let one = part.at(p);
+            (0..M).for_each(|m| sum[m] += w * one[m]);
+        }
+        sum
+    };
+    Some(Predictor { parts: names, predict: Box::new(predict), left_out })
+}
+
+/// The weights `w >= 0`, `sum w = 1`, that minimise `w' G w` for a positive semidefinite G: weight is shifted between two at a time. Those below a fiftieth are dropped.
+fn mixture(gram: &[Vec<f64>]) -> Vec<f64> {
+    let n = gram.len();
+    let mut w = vec![1.0 / n as f64; n];
+    let mut alive: Vec<usize> = (0..n).collect();
+    for _ in 0..2 {
+        for _ in 0..100 {
+            for x in 0..alive.len() {
+                for y in 0..x {
+                    let (i, j) = (alive[x], alive[y]);
+                    // d/dt of w' G w when t goes from j to i.
+                    let slope: f64 = (0..n).map(|k| w[k] * (gram[i][k] - gram[j][k])).sum();
+                    let curvature = gram[i][i] - 2.0 * gram[i][j] + gram[j][j];
+                    let t = if curvature > 0.0 { -slope / curvature } else { 0.0 };
+                    let t = t.clamp(-w[i], w[j]);
+                    w[i] += t;
+                    w[j] -= t;
+                }
+            }
+        }
+        alive.retain(|&i| w[i] >= 0.02);
+        let kept: f64 = alive.iter().map(|&i| w[i]).sum();
+        w = (0..n).map(|i| if alive.contains(&i) { w[i] / kept } else { 0.0 }).collect();
+    }
+    w
+}
+
+/// A prediction by itself.
+fn one(name: &'static str) -> Vec<(&'static str, f64)> {
+    vec![(name, 1.0)]
 }
 
 fn rows<const M: usize>(x: &DMatrix<f64>) -> Vec<[f64; M]> {
@@ -96,7 +158,7 @@ impl<const D: usize> Known<D> {
             [("rigid moving least squares", 1.0), ("similar moving least squares", self.scale(&self.a, &self.b))]
                 .into_iter()
                 .map(|(name, scale)| Predictor {
-                    name,
+                    parts: one(name),
                     predict: Box::new(move |p: &Point<D>| rigid(&p.0.0, sides, &global, scale, None)),
                     left_out: (0..n)
                         .map(|i| sub(&rigid(&self.a[i], sides, &global, scale, Some(i)), &self.b[i]))
@@ -105,7 +167,7 @@ impl<const D: usize> Known<D> {
                 .collect();
         if n > 3 {
             all.push(Predictor {
-                name: "residual transport",
+                parts: one("residual transport"),
                 predict: Box::new(|p: &Point<D>| predict(&p.0, Anchors { a: &self.a, b: &self.b }, Some(1.0))),
                 left_out: (0..n)
                     .map(|i| {
@@ -120,7 +182,7 @@ impl<const D: usize> Known<D> {
         let rest = DMatrix::from_fn(n, D, |i, k| self.b[i][k] - turned(&self.a[i])[k]);
         if let Some(fit) = Radial::fit(&self.kernel(|r| r), &ones, &rest) {
             all.push(Predictor {
-                name: "linear radial functions",
+                parts: one("linear radial functions"),
                 left_out: rows(&fit.left_out),
                 predict: Box::new(move |p: &Point<D>| {
                     let (y, r) = (turned(&p.0.0), fit.at::<D>(&self.phi(&p.0.0, |r| r), &[1.0]));
@@ -133,7 +195,7 @@ impl<const D: usize> Known<D> {
             let values = DMatrix::from_fn(n, D, |i, k| self.b[i][k]);
             if let Some(fit) = Radial::fit(&self.kernel(|r| -r * r * r), &affine, &values) {
                 all.push(Predictor {
-                    name: "cubic radial functions",
+                    parts: one("cubic radial functions"),
                     left_out: rows(&fit.left_out),
                     predict: Box::new(move |p: &Point<D>| {
                         let mut row = vec![1.0];
@@ -143,7 +205,7 @@ impl<const D: usize> Known<D> {
                 });
             }
         }
-        best(all)
+        mixed(all)
     }
 
     /// Predictions in space.
@@ -164,7 +226,7 @@ impl<const D: usize> Known<D> {
         .map(|(name, mirror, scale)| {
             let turn = Turn { mirror, scale };
             Predictor {
-                name,
+                parts: one(name),
                 predict: Box::new(move |p: &Point<D>| array(rigid_in_space((&p.0.0, p.1), &self.a, sides, turn, None))),
                 left_out: (0..n)
                     .map(|i| {
@@ -182,7 +244,7 @@ impl<const D: usize> Known<D> {
             let apart = DMatrix::from_fn(n, n, |i, j| self.s[i].distance(self.s[j]));
             if let Some(fit) = Radial::fit(&apart, &affine, &values) {
                 all.push(Predictor {
-                    name: "radial functions in space",
+                    parts: one("radial functions in space"),
                     left_out: rows(&fit.left_out),
                     predict: Box::new(move |p: &Point<D>| {
                         let phi: Vec<f64> = self.s.iter().map(|s| s.distance(p.1)).collect();
@@ -192,12 +254,31 @@ impl<const D: usize> Known<D> {
             }
             if let Some(fit) = Radial::fit(&self.kernel(|r| r), &affine, &values) {
                 all.push(Predictor {
-                    name: "radial functions along the surface",
+                    parts: one("radial functions along the surface"),
                     left_out: rows(&fit.left_out),
                     predict: Box::new(move |p: &Point<D>| fit.at(&self.phi(&p.0.0, |r| r), &row(p.1))),
                 });
             }
         }
-        best(all)
+        mixed(all)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mixture_is_the_least_in_the_simplex() {
+        // Two equal errors in opposite directions cancel; a third, larger one is not needed.
+        let w = mixture(&[vec![1.0, -1.0, 0.5], vec![-1.0, 1.0, -0.5], vec![0.5, -0.5, 9.0]]);
+        assert!((w[0] - 0.5).abs() < 1e-9 && (w[1] - 0.5).abs() < 1e-9 && w[2] == 0.0, "{w:?}");
+        // Independent errors are weighted by the inverse of their squares; one that only repeats a better one is dropped.
+        let w = mixture(&[vec![1.0, 0.0], vec![0.0, 4.0]]);
+        assert!((w[0] - 0.8).abs() < 1e-9 && (w[1] - 0.2).abs() < 1e-9, "{w:?}");
+        assert_eq!(mixture(&[vec![1.0, 2.0], vec![2.0, 4.0]]), [1.0, 0.0]);
+        // Exact predictions, and a single one.
+        assert!((mixture(&[vec![0.0, 0.0], vec![0.0, 0.0]]).iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        assert_eq!(mixture(&[vec![3.0]]), [1.0]);
     }
 }
