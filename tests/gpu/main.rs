@@ -6,6 +6,8 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod device;
+mod encoding;
+mod encoding_bounds;
 mod patterns;
 mod plane;
 #[path = "../common/plane.rs"]
@@ -13,6 +15,8 @@ mod plane_cases;
 mod surface;
 mod transfer;
 mod transfer_sample;
+#[path = "../common/tube.rs"]
+mod tube;
 mod warp;
 
 use std::sync::OnceLock;
