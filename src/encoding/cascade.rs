@@ -68,6 +68,8 @@ pub struct LevelReport {
     pub after: f64,
     /// Seconds of this stage.
     pub seconds: f64,
+    /// Whether a device minimised, in single precision.
+    pub on_device: bool,
 }
 
 impl LevelReport {
@@ -79,6 +81,7 @@ impl LevelReport {
             before: solved.before,
             after: solved.after,
             seconds: clock.elapsed().as_secs_f64(),
+            on_device: false,
         }
     }
 }
@@ -221,18 +224,19 @@ impl Decoder {
             if stop.iterations > 0 {
                 let springs = springs(stage, self.lengths.get(k), &self.rest, scale, quality.stiffness);
                 let positions = &mut positions[..stage.vertices];
-                let on_device = match (&mut self.device, method, &springs) {
+                let done = match (&mut self.device, method, &springs) {
                     (Some(device), Method::Gradients(steps), None) => device.minimise(h, k, steps, stop, positions)?,
                     _ => None,
                 };
-                let solved = match on_device {
+                let on_device = done.is_some();
+                let solved = match done {
                     Some(solved) => solved,
                     None => {
                         let (s, e) = (&stage.stencils, &stage.encoding);
                         self.solvers[k].minimise(s, e, springs.as_ref(), h.held, method, stop, positions)?
                     }
                 };
-                report.levels.push(LevelReport::new(free, &solved, clock));
+                report.levels.push(LevelReport { on_device, ..LevelReport::new(free, &solved, clock) });
             }
             if k + 1 == h.stages.len() && quality.sweeps > 0 {
                 gauss_seidel(&stage.stencils, &stage.encoding, h.held, quality.sweeps, &mut positions);

@@ -21,7 +21,7 @@ fn a_turn_is_exact_and_the_file_keeps_everything_else() {
     let f = Folder::spheres();
     let turn = |p: DVec3| DVec3::new(-p.y, p.x, p.z) * 2.0;
     f.write("h.json", &handles(&f, turn));
-    f.run("deform s.obj --handles h.json -o out.obj --report r.json").succeeds();
+    f.run("deform s.obj --handles h.json -o out.obj --report r.json --backend cpu").succeeds();
     let (before, after) = (read_mesh(f.path("s.obj")).unwrap().mesh, read_mesh(f.path("out.obj")).unwrap().mesh);
     assert_eq!(before.triangles(), after.triangles());
     assert_eq!(before.texcoords, after.texcoords);
@@ -35,9 +35,10 @@ fn a_turn_is_exact_and_the_file_keeps_everything_else() {
     }
     assert_eq!((report["flipped"].as_u64(), report["iterations"].as_u64()), (Some(0), Some(0)));
     assert!((report["volume_ratio"].as_f64().unwrap() - 8.0).abs() < 1e-9);
+    assert_eq!(report["device_stages"], serde_json::json!([]));
     // Again, from the cache: the same bytes.
     let first = f.read("out.obj");
-    f.run("deform s.obj --handles h.json -o out.obj").succeeds();
+    f.run("deform s.obj --handles h.json -o out.obj --backend cpu").succeeds();
     assert_eq!(f.read("out.obj"), first);
     f.run("deform s.obj --handles h.json -o out.ply --quality converged --stiffness 0.5 --sweeps 1").succeeds();
     assert_eq!(read_mesh(f.path("out.ply")).unwrap().mesh.vertex_count(), before.vertex_count());

@@ -5,6 +5,7 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+mod decode;
 mod device;
 mod encoding;
 mod encoding_bounds;
