@@ -50,7 +50,7 @@ fn splits(name: &str, tube: &Tube, h: &Hierarchy, rest: &[V3<f64>], device: Opti
     let place = |v: &u32| handles.iter().position(|h| h == v).map_or(rest[*v as usize], |k| moved[k].to_array());
     let held: Vec<V3<f64>> = h.order[..h.held].iter().map(place).collect();
     let mut decoder = Decoder::new(h.clone(), rest);
-    let mut run = |decoder: &mut Decoder| {
+    let run = |decoder: &mut Decoder| {
         let start = |_: usize, p: V3<f64>| fit.apply(DVec3::from(p)).to_array();
         decoder.decode(&held, start, fit.scale, &Quality::SPLITS, false).map(|_| ())
     };
