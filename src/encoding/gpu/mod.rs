@@ -11,7 +11,8 @@
 //! | `gradient_step`, `gradient_direction` | the vectors of conjugate gradients | `gradients` |
 //! | `line_search` | the shapes along a Gauss-Newton step | `solver` |
 //!
-//! Positions are four numbers each, the last one unused. Sums are f32: the scalars of conjugate gradients and G itself carry five to six
+//! Positions are four numbers each, the last one unused. The residuals of the line search are the largest buffer: stages of up to 349,525
+//! rows fit the bindings of the smallest devices, larger ones are solved on the CPU. Sums are f32: the scalars of conjugate gradients and G itself carry five to six
 //! digits, which a step needs; the reference sums in double precision.
 
 mod decoder;
