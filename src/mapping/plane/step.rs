@@ -191,28 +191,47 @@ impl<R: Real> Step<R> {
 
     /// The coordinates of `p`, vertex by vertex.
     pub(super) fn coordinates_of(&self, p: [R; 2]) -> Vec<R> {
-        let outline = &self.outline;
-        let mut b = vec![R::ZERO; outline.len()];
+        let mut b = vec![R::ZERO; self.outline.len()];
         let mut total = R::ZERO;
-        let mut each = |i: usize, w: R, _: [R; 2]| {
+        self.visit::<false>(p, |i, w, _| {
             b[i] = w;
             total += w;
-        };
+        });
+        b.iter_mut().for_each(|b| *b = *b / total);
+        b
+    }
+
+    /// Their gradients, by local coordinates; `p` is not at a vertex. With weights w_i and their sum W, the gradient of w_i / W is
+    /// (grad w_i - w_i / W grad W) / W.
+    pub(super) fn gradients_of(&self, p: [R; 2]) -> Vec<[R; 2]> {
+        let mut all = vec![(R::ZERO, [R::ZERO; 2]); self.outline.len()];
+        let (mut total, mut slope) = (R::ZERO, [R::ZERO; 2]);
+        self.visit::<true>(p, |i, w, gradient| {
+            all[i] = (w, gradient);
+            total += w;
+            (0..2).for_each(|axis| slope[axis] += gradient[axis]);
+        });
+        let gradient = |(w, g): (R, [R; 2])| std::array::from_fn(|axis| (g[axis] - w / total * slope[axis]) / total);
+        all.into_iter().map(gradient).collect()
+    }
+
+    /// The weights of the coordinates at `p`, and their gradients if `GRADIENT`; at a vertex of mean value coordinates that vertex
+    /// alone, without a gradient.
+    fn visit<const GRADIENT: bool>(&self, p: [R; 2], mut each: impl FnMut(usize, R, [R; 2])) {
+        let outline = &self.outline;
         match self.coordinates {
             Coordinates::MeanValue => {
                 let found = mean_value::scan(outline, p);
                 if found.at_vertex() {
                     each(found.nearest, R::ONE, [R::ZERO; 2]);
                 } else {
-                    mean_value::visit::<R, false>(outline, p, &found, each);
+                    mean_value::visit::<R, GRADIENT>(outline, p, &found, each);
                 }
             }
             Coordinates::Wachspress => {
-                wachspress::visit::<R, false>(outline, p, wachspress::pivot(outline, p), each);
+                wachspress::visit::<R, GRADIENT>(outline, p, wachspress::pivot(outline, p), each);
             }
         }
-        b.iter_mut().for_each(|b| *b = *b / total);
-        b
     }
 }
 
