@@ -11,6 +11,9 @@ const AT_VERTEX: f32 = 1e-30;
 // Stands in for an area that is zero, so that a weight it divides is a number yet.
 const ON_EDGE: f32 = 1e-18;
 
+// Vertices whose terms are added up by themselves; mean_value::BLOCK.
+const BLOCK: u32 = 32u;
+
 // No edge.
 const NONE: u32 = 0xffffffffu;
 
@@ -179,6 +182,20 @@ fn add_vertex(sums: ptr<function, Sums>, found: Scan, scale: vec4f, vertex: vec4
     (*sums).yy += uy * gy;
 }
 
+fn join_block(sums: ptr<function, Sums>, block: ptr<function, Sums>) {
+    (*sums).weight += (*block).weight;
+    (*sums).moment_x += (*block).moment_x;
+    (*sums).moment_y += (*block).moment_y;
+    (*sums).moved_x += (*block).moved_x;
+    (*sums).moved_y += (*block).moved_y;
+    (*sums).weight_x += (*block).weight_x;
+    (*sums).weight_y += (*block).weight_y;
+    (*sums).xx += (*block).xx;
+    (*sums).xy += (*block).xy;
+    (*sums).yx += (*block).yx;
+    (*sums).yy += (*block).yy;
+}
+
 fn mean_value(found: Scan, px: vec4f, py: vec4f, loops: u32, far: f32) -> Sums {
     var sums: Sums;
     let scale = sqrt(found.square);
@@ -191,14 +208,19 @@ fn mean_value(found: Scan, px: vec4f, py: vec4f, loops: u32, far: f32) -> Sums {
         var a = ray(here.x - px, here.y - py);
         let leaving = half_edge(found, range.x, first_ray, a, here.xy - first.xy);
         var before = leaving;
-        for (var i = range.x + 1u; i < range.y; i++) {
-            let there = corner(select(i + 1u, range.x, i + 1u == range.y));
-            let b = ray(there.x - px, there.y - py);
-            let after = half_edge(found, i, a, b, there.xy - here.xy);
-            add_vertex(&sums, found, scale, here, a, before, after);
-            here = there;
-            a = b;
-            before = after;
+        for (var start = range.x + 1u; start < range.y; start += BLOCK) {
+            var block = Sums();
+            let end = min(start + BLOCK, range.y);
+            for (var i = start; i < end; i++) {
+                let there = corner(select(i + 1u, range.x, i + 1u == range.y));
+                let b = ray(there.x - px, there.y - py);
+                let after = half_edge(found, i, a, b, there.xy - here.xy);
+                add_vertex(&block, found, scale, here, a, before, after);
+                here = there;
+                a = b;
+                before = after;
+            }
+            join_block(&sums, &block);
         }
         add_vertex(&sums, found, scale, first, first_ray, before, leaving);
     }
@@ -277,19 +299,32 @@ fn mean_value_map(px: vec4f, py: vec4f, loops: u32, far: f32) -> Moved {
         var a = ray(here.x - px, here.y - py);
         var b = ray(there.x - px, there.y - py);
         var before = half_tangent(a, b, there.xy - here.xy);
-        for (var i = range.x; i < range.y; i++) {
-            here = there;
-            a = b;
-            there = corner(select(i + 1u, range.x, i + 1u == range.y));
-            b = ray(there.x - px, there.y - py);
-            let after = half_tangent(a, b, there.xy - here.xy);
-            let w = (before + after) * a.inverse;
-            weight += w;
-            moment_x += w * here.x;
-            moment_y += w * here.y;
-            moved_x += w * (here.z - base_x);
-            moved_y += w * (here.w - base_y);
-            before = after;
+        for (var start = range.x; start < range.y; start += BLOCK) {
+            var block_weight = vec4f(0.0);
+            var block_moment_x = vec4f(0.0);
+            var block_moment_y = vec4f(0.0);
+            var block_moved_x = vec4f(0.0);
+            var block_moved_y = vec4f(0.0);
+            let end = min(start + BLOCK, range.y);
+            for (var i = start; i < end; i++) {
+                here = there;
+                a = b;
+                there = corner(select(i + 1u, range.x, i + 1u == range.y));
+                b = ray(there.x - px, there.y - py);
+                let after = half_tangent(a, b, there.xy - here.xy);
+                let w = (before + after) * a.inverse;
+                block_weight += w;
+                block_moment_x += w * here.x;
+                block_moment_y += w * here.y;
+                block_moved_x += w * (here.z - base_x);
+                block_moved_y += w * (here.w - base_y);
+                before = after;
+            }
+            weight += block_weight;
+            moment_x += block_moment_x;
+            moment_y += block_moment_y;
+            moved_x += block_moved_x;
+            moved_y += block_moved_y;
         }
     }
     let square = px * px + py * py;
