@@ -93,8 +93,9 @@ impl OutputSet {
     ///
     /// # Errors
     /// [`Error::Io`] if one of them cannot be moved; then what was there before is there again.
-    pub fn finish(&mut self) -> Result<()> {
-        // Under the lock, so that an interrupt finds all of them moved, or none. It is released before the folder is removed.
+    pub fn finish(self) -> Result<()> {
+        // Under the lock, so that an interrupt finds all of them moved, or none. Parameters outlive locals: it is released before the
+        // folder is removed.
         let registry = registry();
         if registry.closed {
             return Err(Error::io(self.folder.path(), io::ErrorKind::Interrupted.into(), "Run the command again"));

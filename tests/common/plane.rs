@@ -14,6 +14,8 @@ pub(crate) struct Case {
     pub(crate) truth: Step<f64>,
     /// The polygon it starts from, in local coordinates, as rounded.
     pub(crate) polygon: Polygon,
+    /// How many times as long an edge becomes, at most.
+    pub(crate) stretch: f64,
 }
 
 impl Case {
@@ -30,17 +32,17 @@ impl Case {
         let frame = Frame::of(&from, scale);
         let rounded = |v: &DVec2| DVec2::from(frame.local::<f32>(*v).map(f64::from));
         let polygon = Polygon::from_loops(from.loops().iter().map(|ring| ring.iter().map(rounded).collect()).collect());
-        Self { name: format!("{name} x {size:e}"), truth: step.cast(), step, polygon }
+        let edges = |polygon: &Polygon| -> Vec<f64> {
+            let vertices: Vec<DVec2> = polygon.vertices().collect();
+            polygon.corners().map(|c| vertices[c.index].distance(vertices[c.after])).collect()
+        };
+        let stretch = edges(&to).iter().zip(edges(&from)).map(|(to, from)| to / from).fold(0.0, f64::max);
+        Self { name: format!("{name} x {size:e}"), truth: step.cast(), step, polygon, stretch }
     }
 
     /// Length of the diagonal of the polygon's bounding box.
     pub(crate) fn diameter(&self) -> f64 {
         self.polygon.size()
-    }
-
-    /// Whether its area is less than a tenth of the square of the diameter.
-    pub(crate) fn is_thin(&self) -> bool {
-        self.polygon.area() < 0.1 * self.diameter().powi(2)
     }
 
     /// Vertices.
@@ -183,12 +185,13 @@ const ROUNDING: f64 = 5.960_464_477_539_063e-8;
 /// point between them, and with it the derivative, is known to n roundings of the size (the sums add little to that, since they are
 /// taken by blocks: at 512 vertices 1.4e-5 is found where 4e-5 is accepted, at 4,096 deep notches 1.9e-4 where 3.2e-4 is).
 ///
-/// Thin polygons are the exception: the map stretches across them, and a determinant that cancels keeps a few roundings of the squares
-/// of its entries. Between the stored hexagons, where these sum to 190, rounding the exact entries to single precision alone costs
-/// 6.9e-6, more than the 5e-6 that others keep, and all roundings together 1.5e-5: no form of the same entries can do better.
+/// Edges that are stretched several times are the exception: the derivative is as large next to them, and a determinant that cancels
+/// keeps a few roundings of the squares of its entries. Between the stored hexagons, which have one that becomes eight times as long,
+/// these sum to 190; rounding the exact entries to single precision alone costs 6.9e-6, more than the 5e-6 that others keep, and all
+/// roundings together 1.6e-5: no form of the same entries can do better.
 pub(crate) fn jacobian_tolerance(case: &Case, derivative: &[[f64; 2]; 2], jacobian: f64) -> f64 {
     let square: f64 = derivative.iter().flatten().map(|d| d * d).sum();
-    let entries = if case.is_thin() { 3.0 * ROUNDING * square } else { 0.0 };
+    let entries = if case.stretch > 4.0 { 3.0 * ROUNDING * square } else { 0.0 };
     5e-6 * (case.count() as f64 / 64.0).max(1.0) * jacobian.abs().max(1.0) + entries
 }
 

@@ -107,7 +107,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         stats.push(warped.stats.clone());
         last = Some(warped);
     }
-    if let Some(sequence) = &mut sequence {
+    if let Some(sequence) = sequence {
         sequence.finish()?;
         session.watch.lap("write");
     }
