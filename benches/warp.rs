@@ -71,7 +71,7 @@ fn by_bands(zoom: f32, filter: Filter, mut job: impl FnMut(Band, &[[i32; 2]], Se
         let band = Band { first, rows: ROWS, width: WIDTH };
         let (bases, all) = footprints(band, zoom, filter);
         let mut least = f64::INFINITY;
-        for _ in 0..5 {
+        for _ in 0..20 {
             let ((), spent) = once(|| job(band, &bases, all.seen()));
             least = least.min(spent.per_item(WIDTH * HEIGHT));
         }
