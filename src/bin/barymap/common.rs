@@ -1,5 +1,6 @@
 //! What the commands share: options, meshes with their embeddings, anchors, reports.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use barymap::engine::{Backend, Engine, EngineOptions};
@@ -66,6 +67,17 @@ fn bytes(text: &str) -> std::result::Result<u64, String> {
     number.checked_mul(factor).filter(|&n| n > 0).ok_or_else(|| format!("{text:?} is out of range"))
 }
 
+/// A line on stdout. Where nobody reads it any more (`barymap ... | head -1`), the work goes on without it.
+pub(crate) fn line(text: &str) {
+    // There is nobody to tell that nobody listens.
+    let _ = writeln!(std::io::stdout(), "{text}");
+}
+
+/// A note on stderr, as [`line`].
+pub(crate) fn note(text: &str) {
+    let _ = writeln!(std::io::stderr(), "note: {text}");
+}
+
 /// A command at work: its engine, progress and clock.
 pub(crate) struct Session<'a> {
     pub(crate) common: &'a Common,
@@ -118,7 +130,7 @@ impl<'a> Session<'a> {
     pub(crate) fn warn(&self, text: &str) {
         self.bars.finish();
         if !self.common.quiet {
-            eprintln!("note: {text}");
+            note(text);
         }
     }
 
@@ -126,7 +138,7 @@ impl<'a> Session<'a> {
     pub(crate) fn say(&self, text: &str) {
         self.bars.finish();
         if !self.common.quiet {
-            println!("{text}");
+            line(text);
         }
     }
 
