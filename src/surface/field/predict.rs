@@ -27,11 +27,14 @@ pub(super) struct Known<const D: usize> {
 /// A point of the target in both spaces.
 pub(super) type Point<const D: usize> = (Place<D>, DVec3);
 
+/// A map from points of the target to R^M.
+type Prediction<'a, const D: usize, const M: usize> = Box<dyn Fn(&Point<D>) -> [f64; M] + Sync + 'a>;
+
 /// A prediction of points of R^M, with what it misses each anchor by when that is left out.
 pub(super) struct Predictor<'a, const D: usize, const M: usize> {
     /// For the report: predictions and their weights in the mixture.
     pub(super) parts: Vec<(&'static str, f64)>,
-    predict: Box<dyn Fn(&Point<D>) -> [f64; M] + Sync + 'a>,
+    predict: Prediction<'a, D, M>,
     /// Predicted minus given, anchor by anchor.
     pub(super) left_out: Vec<[f64; M]>,
 }
