@@ -155,7 +155,7 @@ fn main() -> Result<()> {
         sets.extend(pair.given.clone());
         for vertices in sets {
             let anchors = pair.anchors(&vertices)?;
-            for method in [Method::Averages, Method::Transport, Method::Rbf, Method::Closest] {
+            for method in [Method::Averages, Method::Transport, Method::Field, Method::Rbf, Method::Closest] {
                 pair.row(&anchors, method)?;
             }
         }
