@@ -255,8 +255,8 @@ fn every_kind_of_samples_is_filtered_as_by_hand() {
                             let p = [0, 1].map(|a| f64::from(seen.place(i)[a]) + f64::from(base[a]));
                             let expected = match filter {
                                 Filter::Bilinear => by_hand(&image, alpha, |f| [1.0 - f, f], p),
-                                Filter::Lanczos => by_hand(&image, alpha, |f| exact_weights::<6>(f), p),
-                                _ => by_hand(&image, alpha, |f| exact_weights::<8>(f), p),
+                                Filter::Lanczos => by_hand(&image, alpha, exact_weights::<6>, p),
+                                _ => by_hand(&image, alpha, exact_weights::<8>, p),
                             };
                             for c in 0..4 {
                                 let off = (f64::from(out[c]) - expected[c]).abs();
