@@ -26,6 +26,10 @@ impl Radial {
     /// singular. O(n^3).
     pub(super) fn fit(kernel: &DMatrix<f64>, polynomials: &DMatrix<f64>, values: &DMatrix<f64>) -> Option<Self> {
         let n = kernel.nrows();
+        // The decomposition does not end on what is not finite.
+        if !polynomials.iter().chain(kernel.iter()).all(|x| x.is_finite()) {
+            return None;
+        }
         let svd = polynomials.clone().svd(true, true);
         let (u, vt) = (svd.u?, svd.v_t?);
         let largest = svd.singular_values.max();

@@ -82,6 +82,10 @@ pub(super) fn rigid_in_space<const D: usize>(
 
 /// The rotation (or reflection) nearest to `h`.
 fn rotation(h: Matrix3<f64>, mirror: bool) -> Matrix3<f64> {
+    // Without weights there is no fit; the decomposition does not end on what is not finite.
+    if !h.iter().all(|x| x.is_finite()) {
+        return Matrix3::identity();
+    }
     let svd = h.svd(true, true);
     let (Some(u), Some(vt)) = (svd.u, svd.v_t) else { return Matrix3::identity() };
     let wanted = if mirror { -1.0 } else { 1.0 };
