@@ -158,15 +158,8 @@ impl Decoder {
         quality: &Quality,
         warm: bool,
     ) -> Result<(Vec<V3<f64>>, DecodeReport)> {
+        self.check(held)?;
         let h = &self.hierarchy;
-        if held.len() != h.held {
-            let what = format!("{} positions for {} held vertices", held.len(), h.held);
-            return Err(Error::input(what, "Give one each, in the order of the hierarchy"));
-        }
-        if let Some(k) = held.iter().position(|p| p.iter().any(|x| !x.is_finite())) {
-            let what = format!("the position of held vertex {} is not finite", h.order[k]);
-            return Err(Error::input(what, "Give numbers"));
-        }
         let last = self.last.take().filter(|_| warm);
         let changed = std::mem::take(&mut self.changed);
         if let Some(last) = last.as_ref().filter(|l| !changed && l[..h.held] == *held) {
@@ -224,6 +217,20 @@ impl Decoder {
         Ok((positions, report))
     }
 
+    /// Fails unless there is a finite position for every held vertex.
+    pub(super) fn check(&self, held: &[V3<f64>]) -> Result<()> {
+        let h = &self.hierarchy;
+        if held.len() != h.held {
+            let what = format!("{} positions for {} held vertices", held.len(), h.held);
+            return Err(Error::input(what, "Give one each, in the order of the hierarchy"));
+        }
+        if let Some(k) = held.iter().position(|p| p.iter().any(|x| !x.is_finite())) {
+            let what = format!("the position of held vertex {} is not finite", h.order[k]);
+            return Err(Error::input(what, "Give numbers"));
+        }
+        Ok(())
+    }
+
     /// Minimises G on the whole mesh alone, from `positions` (in the hierarchy's numbering, held ones in place) to where it ends.
     ///
     /// # Errors
@@ -249,7 +256,9 @@ impl Decoder {
 }
 
 /// The springs of a stage: over the lengths given for it, else over those at rest times the scale.
-fn springs(stage: &Stage, given: Option<&Vec<f64>>, rest: &[V3<f64>], scale: f64, stiffness: f64) -> Option<Springs> {
+pub(super) fn springs(
+    stage: &Stage,
+    given: Option<&Vec<f64>>, rest: &[V3<f64>], scale: f64, stiffness: f64) -> Option<Springs> {
     if !(stiffness > 0.0) {
         return None;
     }
