@@ -18,6 +18,7 @@ pub mod handles;
 pub mod image_file;
 pub mod markers;
 mod material_library;
+pub mod mask;
 pub mod motion;
 pub mod npy;
 pub mod obj;
@@ -47,6 +48,7 @@ pub use gltf_animation::{GlbAnimation, GlbAnimationReport, MorphForm, write_anim
 pub use gltf_write::{GlbMaterial, write_glb};
 pub use handles::{read_handles, read_vertex_list};
 pub use image_file::{read_image, write_image};
+pub use mask::read_mask;
 pub use markers::{MarkerPlace, read_markers};
 pub use motion::{Motion, read_motion};
 pub use obj_write::write_obj;

@@ -22,7 +22,7 @@ pub struct Walker {
 }
 
 impl Walker {
-    /// The body cut into edges of about `edge` metres: 6,500 vertices for 0.018, 13,000 for 0.0128.
+    /// The body cut into edges of about `edge` metres: 7,700 vertices for 0.018, 13,000 for 0.0138.
     pub fn new(edge: f64) -> Self {
         let cage = Cage::new();
         let surface = BaseSurface::new(&cage.quads, &cast::neutral().control_positions(&cage));

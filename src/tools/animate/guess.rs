@@ -9,8 +9,10 @@
 use std::collections::BTreeSet;
 
 use glam::{DMat3, DVec3};
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 
+use super::facing::Facing;
 use super::binding::{Binding, Bond, Reference, reference_point};
 use crate::encoding::Similarity;
 use crate::error::{Error, Result};
@@ -21,6 +23,10 @@ use crate::io::motion::{Motion, Segment};
 const STEPS: usize = 60;
 /// How far the size may go from that of the heights: arms may be held differently, the height hardly.
 const GROWTH: f64 = 1.1;
+/// An end that faces as the mesh does is taken if its error (a mean square) is at most so many times the best one's.
+const WORSE: f64 = 4.0;
+/// Ends whose errors are that near are told to be alike.
+const ALIKE: f64 = 1.5;
 /// Headings tried for each way up.
 const HEADINGS: usize = 8;
 /// Samples of the mesh and of the clip.
@@ -67,9 +73,15 @@ pub fn guess(motion: &Motion, mesh: &Mesh, reference: Reference) -> Result<Bindi
         None => points.iter().map(|p| p.1).collect(),
         Some(skeleton) => along_bones(motion, &skeleton.segments, reference)?,
     };
-    let fit = laid_on(&spread_out(&clip, CLIP_SAMPLES), &spread_out(&vertices, MESH_SAMPLES));
-    let size = diagonal(&vertices);
     let mut warnings = Vec::new();
+    let samples = spread_out(&vertices, MESH_SAMPLES);
+    let ends = laid_on(&spread_out(&clip, CLIP_SAMPLES), &samples);
+    let size = diagonal(&vertices);
+    let mut fit = facing(&ends, &Facing::new(motion, &points), &vertices, size, &mut warnings);
+    if motion.skeleton.is_none() {
+        // Joints lie inside the body; markers on it.
+        fit = onto_surface(&clip, &vertices, fit, FAR * size);
+    }
     let bonds = match &motion.skeleton {
         None => around_markers(motion, &points, &used, &vertices, &fit, FAR * size, &mut warnings),
         Some(_) => around_bones(motion, reference, &used, &vertices, &fit, SHORT * size)?,
@@ -151,15 +163,92 @@ fn turns() -> Vec<(DMat3, DVec3)> {
         .collect()
 }
 
-/// The similarity that lays the clip onto the vertices best.
-fn laid_on(clip: &[DVec3], vertices: &[DVec3]) -> Similarity {
-    let ends: Vec<(f64, Similarity)> =
-        turns().par_iter().map(|(turn, up)| closest_points(clip, vertices, turn, *up)).collect();
-    let mut best = ends[0];
-    for end in ends {
-        if end.0 < best.0 {
-            best = end;
+/// An end of the iteration: its error (a mean square), the similarity, and the way up of the mesh that it was begun with.
+type End = (f64, Similarity, DVec3);
+
+/// The similarities that lay the clip onto the vertices, best first.
+fn laid_on(clip: &[DVec3], vertices: &[DVec3]) -> Vec<End> {
+    let one = |(turn, up): &(DMat3, DVec3)| {
+        let (error, fit) = closest_points(clip, vertices, turn, *up);
+        (error, fit, *up)
+    };
+    let mut ends: Vec<End> = turns().par_iter().map(one).collect();
+    ends.sort_by(|a, b| a.0.total_cmp(&b.0));
+    ends
+}
+
+/// The best of the ends that face as the mesh does, where that can be told and costs not too much; and a word where it mattered.
+fn facing(ends: &[End], facing: &Facing, vertices: &[DVec3], size: f64, warnings: &mut Vec<String>) -> Similarity {
+    let (best, fit, _) = ends[0];
+    let rms = |error: f64| 100.0 * (0.5 * error).sqrt() / size;
+    let told = |end: &End| facing.agrees(&end.1.rotation, vertices, end.2);
+    // Turned by more than a right angle against it.
+    let apart = |end: &&End| {
+        let turn = (end.1.rotation.transpose() * fit.rotation).to_cols_array_2d();
+        (0..3).map(|k| turn[k][k]).sum::<f64>() < 1.0
+    };
+    let other = ends.iter().find(apart);
+    match told(&ends[0]) {
+        Some(true) => fit,
+        Some(false) => match ends.iter().find(|end| told(end) == Some(true) && end.0 < WORSE * best) {
+            Some(end) => {
+                warnings.push(format!(
+                    "by shape alone the clip would lie on the mesh back to front ({:.1} % of its size between them); by names, toes and walk it lies \
+                     as it does now ({:.1} %)",
+                    rms(best),
+                    rms(end.0)
+                ));
+                end.1
+            }
+            None => {
+                warnings.push("names, toes and walk say that the clip lies on the mesh back to front: look at the picture".into());
+                fit
+            }
+        },
+        None => {
+            if let Some(other) = other.filter(|end| end.0 < ALIKE * best) {
+                warnings.push(format!(
+                    "the clip lies on the mesh almost as well another way round ({:.1} and {:.1} % of its size between them): look at the picture",
+                    rms(best),
+                    rms(other.0)
+                ));
+            }
+            fit
         }
+    }
+}
+
+/// Markers meet the vertices nearest to them, step by step, without those farther than `far`: the fine end of the iteration, on the whole mesh.
+fn onto_surface(clip: &[DVec3], vertices: &[DVec3], start: Similarity, far: f64) -> Similarity {
+    let points: Vec<[f64; 3]> = vertices.iter().map(|p| p.to_array()).collect();
+    let tree = ImmutableKdTree::<f64, 3>::new_from_slice(&points);
+    let (mut fit, mut best) = (start, (f64::INFINITY, start));
+    for _ in 0..STEPS {
+        let mut pairs: Vec<(f64, DVec3, DVec3)> = clip
+            .iter()
+            .map(|p| {
+                let near = tree.nearest_one::<SquaredEuclidean>(&fit.apply(*p).to_array());
+                (near.distance.sqrt(), *p, vertices[near.item as usize])
+            })
+            .filter(|pair| pair.0 <= far)
+            .collect();
+        pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+        pairs.truncate((pairs.len() * 9).div_ceil(10));
+        if pairs.len() < 4 || 2 * pairs.len() < clip.len() {
+            break;
+        }
+        let error = pairs.iter().map(|p| p.0 * p.0).sum::<f64>() / pairs.len() as f64;
+        if !(error < best.0 * (1.0 - 1e-6)) {
+            break;
+        }
+        best = (error, fit);
+        let met: Vec<(DVec3, DVec3)> = pairs.iter().map(|p| (p.1, p.2)).collect();
+        let next = Similarity::fit(&met);
+        // One way alone, a clip would shrink into the surface step by step.
+        if !(start.scale / GROWTH..=start.scale * GROWTH).contains(&next.scale) {
+            break;
+        }
+        fit = next;
     }
     best.1
 }
@@ -382,12 +471,10 @@ mod tests {
             warnings: Vec::new(),
         };
         let binding = guess(&motion, &mesh, Reference::Frame(0)).unwrap();
-        // The fit weighs shape, not single points: a marker finds its vertex or one next to it.
-        let reach = 0.03 * diagonal(&mesh.positions);
-        let off = |b: &&Bond| mesh.positions[chosen[b.point]].distance(mesh.positions[b.vertex as usize]);
-        let right = binding.bonds.iter().filter(|b| off(b) < reach).count();
+        // Markers lie on their vertices: each finds its own.
+        let right = binding.bonds.iter().filter(|b| chosen[b.point] == b.vertex as usize).count();
         assert!(right >= 36, "{right} of 40, rms {}", binding.rms());
-        assert!(binding.rms() < reach, "{}", binding.rms());
+        assert!(binding.rms() < 1e-6 * diagonal(&mesh.positions), "{}", binding.rms());
         // One marker far away and one without a name are left out.
         motion.frames[0][3] = Some(to_clip.apply(mesh.bounds().unwrap().1 * 1.5));
         motion.names[4] = "*4".into();

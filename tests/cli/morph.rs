@@ -1,0 +1,127 @@
+//! `barymap morph` end to end: folders, animations, masks.
+
+use barymap::geometry::Mesh;
+use barymap::io::{read_mesh, write_obj, write_ply};
+use barymap::models::shapes::uv_sphere;
+use glam::DVec3;
+
+use crate::support::Folder;
+
+/// `a.obj`, a ball, and `b.obj`, the ball with a rippled surface.
+fn balls() -> (Folder, Mesh, Mesh) {
+    let folder = Folder::empty();
+    let a = uv_sphere(1.0, 32, 20);
+    let mut b = a.clone();
+    for p in &mut b.positions {
+        *p *= 1.0 + 0.12 * (9.0 * p.y).sin();
+    }
+    write_obj(&a, folder.path("a.obj")).unwrap();
+    write_obj(&b, folder.path("b.obj")).unwrap();
+    (folder, a, b)
+}
+
+fn distance(a: &[DVec3], b: &[DVec3]) -> f64 {
+    a.iter().zip(b).map(|(p, q)| p.distance(*q)).fold(0.0, f64::max)
+}
+
+#[test]
+fn a_glb_holds_a_target_for_every_frame_and_an_animation() {
+    let (f, a, b) = balls();
+    f.run("morph a.obj b.obj -o m.glb --frames 5 --seconds 3 --report r.json").succeeds();
+    let (document, buffers, _) = gltf::import(f.path("m.glb")).unwrap();
+    let mesh = document.meshes().next().unwrap();
+    let primitive = mesh.primitives().next().unwrap();
+    let reader = primitive.reader(|buffer| Some(&buffers[buffer.index()]));
+    assert_eq!(reader.read_positions().unwrap().count(), a.vertex_count());
+    assert_eq!(primitive.morph_targets().count(), 5);
+    let animation = document.animations().next().unwrap();
+    let channel = animation.channels().next().unwrap();
+    let times: Vec<f32> =
+        channel.reader(|buffer| Some(&buffers[buffer.index()])).read_inputs().unwrap().collect();
+    assert_eq!((times[0], times[times.len() - 1]), (0.0, 3.0));
+    // The last target moves the first mesh to the last one.
+    let base: Vec<DVec3> = reader.read_positions().unwrap().map(|p| glam::Vec3::from(p).as_dvec3()).collect();
+    let (moved, _, _) = reader.read_morph_targets().last().unwrap();
+    let last: Vec<DVec3> =
+        moved.unwrap().zip(&base).map(|(d, p)| *p + glam::Vec3::from(d).as_dvec3()).collect();
+    assert!(distance(&base, &a.positions) < 1e-6 && distance(&last, &b.positions) < 1e-5);
+    assert_eq!(f.json("r.json")["frames"].as_array().unwrap().len(), 5);
+    // One blend alone: a mesh without an animation.
+    f.run("morph a.obj b.obj -o one.glb --weights 0,1").succeeds();
+    let (document, _, _) = gltf::import(f.path("one.glb")).unwrap();
+    assert_eq!(document.animations().count(), 0);
+    f.run("morph a.obj b.obj -o one.obj --weights 0,1").succeeds();
+    assert!(distance(&read_mesh(f.path("one.obj")).unwrap().mesh.positions, &b.positions) < 1e-9);
+}
+
+#[test]
+fn a_mask_pastes_the_detail_of_one_mesh_onto_another() {
+    let (f, a, b) = balls();
+    let share = |p: &DVec3| (0.5 + 3.0 * p.y).clamp(0.0, 1.0);
+    let lines: Vec<String> = a.positions.iter().map(|p| share(p).to_string()).collect();
+    f.write("mask.txt", &lines.join("\n"));
+    f.run("morph a.obj b.obj -o pasted.obj --mask mask.txt").succeeds();
+    let pasted = read_mesh(f.path("pasted.obj")).unwrap().mesh.positions;
+    // Below it is the ball, above it is rippled, each in its own shape; what joins them may move and turn the parts a little.
+    let fitted = |of: &dyn Fn(&DVec3) -> bool, like: &Mesh| {
+        let pairs: Vec<(DVec3, DVec3)> =
+            (0..pasted.len()).filter(|&v| of(&a.positions[v])).map(|v| (like.positions[v], pasted[v])).collect();
+        let fit = barymap::encoding::Similarity::fit(&pairs);
+        pairs.iter().map(|(p, q)| fit.apply(*p).distance(*q)).fold(0.0, f64::max)
+    };
+    let (low, high) = (|p: &DVec3| p.y < -0.3, |p: &DVec3| p.y > 0.3);
+    assert!(fitted(&low, &a) < 0.02, "{}", fitted(&low, &a));
+    assert!(fitted(&high, &b) < 0.04, "{}", fitted(&high, &b));
+    assert!(fitted(&high, &a) > 0.05, "the bounds tell the shapes apart: {}", fitted(&high, &a));
+    // Painted white on the mesh it says the same; with frames the way there is shown.
+    let paint: Vec<[u8; 3]> = a.positions.iter().map(|p| [(share(p) * 255.0).round() as u8; 3]).collect();
+    write_ply(&a, Some(&paint), f.path("mask.ply")).unwrap();
+    f.run("morph a.obj b.obj -o way --mask mask.ply --frames 3 --format ply").succeeds();
+    let frame = |k: usize| read_mesh(f.path(&format!("way/frame_000{k}.ply"))).unwrap().mesh.positions;
+    assert!(distance(&frame(0), &a.positions) < 1e-6);
+    assert!(distance(&frame(2), &pasted) < 0.01, "{}", distance(&frame(2), &pasted));
+}
+
+#[test]
+fn three_meshes_and_turns_beyond_a_half() {
+    // A bar twisted by 0, 270 and 540 degrees: with the mesh on the way no step turns by more than 270.
+    let f = Folder::empty();
+    let straight = barymap::models::shapes::tube(0.15, 2.0, 16, 40, barymap::models::shapes::Diagonal::Alternating);
+    let twisted = |degrees: f64| {
+        let mut mesh = straight.clone();
+        for p in &mut mesh.positions {
+            p.x *= 1.6;
+            *p = glam::DQuat::from_rotation_y(degrees.to_radians() * (p.y + 1.0) / 2.0) * *p;
+        }
+        mesh
+    };
+    for (name, degrees) in [("a.obj", 0.0), ("k.obj", 270.0), ("b.obj", 540.0)] {
+        write_obj(&twisted(degrees), f.path(name)).unwrap();
+    }
+    f.run("morph a.obj k.obj b.obj -o out --frames 5 --report r.json").succeeds();
+    for (k, degrees) in [(0, 0.0), (1, 135.0), (2, 270.0), (3, 405.0), (4, 540.0)] {
+        let shape = read_mesh(f.path(&format!("out/frame_000{k}.obj"))).unwrap().mesh.positions;
+        let off = distance(&shape, &twisted(degrees).positions) / 2.1;
+        println!("{degrees}: {off}");
+        assert!(off < 0.05, "{degrees}: {off}");
+    }
+}
+
+#[test]
+fn masks_and_outputs_that_do_not_fit_are_told() {
+    let (f, a, _) = balls();
+    let n = a.vertex_count();
+    f.write("short.txt", "0\n1\n");
+    f.write("range.txt", &vec!["2"; n].join("\n"));
+    f.write("words.txt", "white\n");
+    f.run("morph a.obj b.obj -o out.obj --mask short.txt").fails(1, &["short.txt", "2 vertices"]);
+    f.run("morph a.obj b.obj -o out.obj --mask range.txt").fails(1, &["range.txt", "vertex 0"]);
+    f.run("morph a.obj b.obj -o out.obj --mask words.txt").fails(1, &["words.txt", "line 1"]);
+    f.run("morph a.obj b.obj -o out.obj --mask a.obj").fails(1, &["a.obj"]);
+    f.run("morph a.obj b.obj -o none/out.glb").fails(1, &["none"]);
+    assert_eq!(f.run("morph a.obj b.obj -o out --mask short.txt --weights 0.5,0.5").code, Some(2));
+    f.run("morph a.obj b.obj -o out.glb --seconds 0").fails(2, &["seconds"]);
+    f.write("anchors.txt", "99999\n");
+    f.run("morph a.obj b.obj -o out.glb --anchors anchors.txt").fails(1, &["99999"]);
+    assert!(!f.path("out.obj").exists() && !f.path("out.glb").exists() && !f.path("out").exists());
+}
