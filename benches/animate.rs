@@ -6,6 +6,8 @@
 mod support;
 
 use barymap::encoding::{HierarchyOptions, Quality, SequenceQuality};
+use barymap::geometry::Geodesics;
+use barymap::geometry::sampling::farthest_points;
 use barymap::io::cache::Cache;
 use barymap::models::Walker;
 use barymap::tools::deform::{Deformer, Handles};
@@ -17,23 +19,10 @@ const MARKERS: usize = 40;
 /// Frames that are compared with single ones.
 const SAMPLES: [usize; 6] = [15, 40, 47, 65, 333, 998];
 
-/// Vertices far from one another.
-fn spread(positions: &[DVec3], count: usize) -> Vec<u32> {
-    let mut distance = vec![f64::INFINITY; positions.len()];
-    let mut chosen = vec![0];
-    while chosen.len() < count {
-        let last = positions[chosen[chosen.len() - 1] as usize];
-        positions.iter().zip(&mut distance).for_each(|(p, d)| *d = d.min(p.distance(last)));
-        let next = (0..positions.len()).max_by(|&a, &b| distance[a].total_cmp(&distance[b])).unwrap_or(0);
-        chosen.push(next as u32);
-    }
-    chosen
-}
-
 fn main() -> Result<()> {
     let walker = Walker::new(0.0138);
     let n = walker.mesh.vertex_count();
-    let markers = spread(&walker.mesh.positions, MARKERS);
+    let markers = farthest_points(&Geodesics::new(&walker.mesh.positions, &walker.mesh.triangles()), 0, MARKERS);
     let tracks: Vec<Vec<DVec3>> = (0..FRAMES)
         .map(|f| {
             let shape = walker.positions(f as f64 / 30.0, (f as f64 / 30.0).min(1.0));
@@ -52,10 +41,18 @@ fn main() -> Result<()> {
     });
     done?;
     let values: Vec<f64> = single.iter().map(|x| deformer.measures(x).g).collect();
-    println!("| quality | CPU s / 2 | frames a second of wall time | G over single frames: mean, most | flipped triangles: mean |");
+    println!(
+        "| quality | CPU s / 2 | frames a second of wall time | G over single frames: mean, most | flipped triangles: mean |"
+    );
     println!("|---|---|---|---|---|");
     let per_frame = spent.cpu / 2.0 / SAMPLES.len() as f64;
-    println!("| single frames | {:.0} (from {} frames) | {:.1} | 1, 1 | {:.1} |", per_frame * FRAMES as f64, SAMPLES.len(), SAMPLES.len() as f64 / spent.wall, flipped(&deformer, &single));
+    println!(
+        "| single frames | {:.0} (from {} frames) | {:.1} | 1, 1 | {:.1} |",
+        per_frame * FRAMES as f64,
+        SAMPLES.len(),
+        SAMPLES.len() as f64 / spent.wall,
+        flipped(&deformer, &single)
+    );
     for (name, quality) in [("preview", SequenceQuality::PREVIEW), ("default", SequenceQuality::DEFAULT)] {
         let mut kept = Vec::new();
         let (done, spent) = once(|| {

@@ -35,12 +35,19 @@ fn main() -> Result<(), Box<dyn Error>> {
         s * s * (3.0 - 2.0 * s)
     };
     let mask: Vec<f64> = ball.positions.iter().flat_map(|p| [1.0 - share(p), share(p)]).collect();
-    let anchors: Vec<u32> = (0..ball.vertex_count() as u32).filter(|&v| ball.positions[v as usize].z < -0.9).step_by(9).collect();
+    let anchors: Vec<u32> =
+        (0..ball.vertex_count() as u32).filter(|&v| ball.positions[v as usize].z < -0.9).step_by(9).collect();
     let mut morpher = Morpher::new(&[&a, &placed], Some(&anchors), &HierarchyOptions::default())?;
     let (blended, report) = morpher.masked(&mask, &QUALITY)?;
-    println!("{} vertices, {} anchors, {} iterations in the last step", a.vertex_count(), anchors.len(), report.iterations());
+    println!(
+        "{} vertices, {} anchors, {} iterations in the last step",
+        a.vertex_count(),
+        anchors.len(),
+        report.iterations()
+    );
     // What a blend of positions makes even after the models were aligned at the anchors.
-    let pairs: Vec<(DVec3, DVec3)> = anchors.iter().map(|&v| (placed.positions[v as usize], a.positions[v as usize])).collect();
+    let pairs: Vec<(DVec3, DVec3)> =
+        anchors.iter().map(|&v| (placed.positions[v as usize], a.positions[v as usize])).collect();
     let fit = Similarity::fit(&pairs);
     let linear: Vec<DVec3> = (0..a.vertex_count())
         .map(|v| a.positions[v].lerp(fit.apply(placed.positions[v]), share(&ball.positions[v])))

@@ -23,11 +23,18 @@ fn main() -> Result<(), Box<dyn Error>> {
     let rest = |x: f64, y: f64, z: f64| DVec3::new(x, y, z);
     let mut places = Vec::new();
     for side in [-1.0, 1.0] {
-        places.extend([(0.0, 0.05), (0.0, -0.05), (0.05, 0.0), (-0.05, 0.0)].map(|(y, z)| (0, rest(side * 0.75, 1.32 + y, z))));
-        places.extend([(0.07, 0.0), (-0.07, 0.0), (0.0, 0.08), (0.0, -0.08)].map(|(x, z)| (1, rest(side * 0.105 + x, 0.12, z))));
+        places.extend(
+            [(0.0, 0.05), (0.0, -0.05), (0.05, 0.0), (-0.05, 0.0)].map(|(y, z)| (0, rest(side * 0.75, 1.32 + y, z))),
+        );
+        places.extend(
+            [(0.07, 0.0), (-0.07, 0.0), (0.0, 0.08), (0.0, -0.08)].map(|(x, z)| (1, rest(side * 0.105 + x, 0.12, z))),
+        );
     }
     places.extend([(0.2, 0.0), (-0.2, 0.0), (0.0, 0.12), (0.0, -0.12)].map(|(x, z)| (2, rest(x, 0.95, z))));
-    places.extend([(0.0, 0.19, 0.0), (0.0, 0.0, 0.17), (0.15, 0.0, 0.0), (-0.15, 0.0, 0.0)].map(|(x, y, z)| (3, rest(x, 1.66 + y, z))));
+    places.extend(
+        [(0.0, 0.19, 0.0), (0.0, 0.0, 0.17), (0.15, 0.0, 0.0), (-0.15, 0.0, 0.0)]
+            .map(|(x, y, z)| (3, rest(x, 1.66 + y, z))),
+    );
     let vertices: Vec<u32> = places.iter().map(|p| nearest(p.1)).collect();
     let handles = Handles { vertices: vertices.clone(), region: None };
     let mut deformer = Deformer::new(&mesh, handles, &HierarchyOptions::default(), &Cache::disabled())?;
@@ -55,7 +62,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         let quality = Quality { stiffness, ..Quality::DEFAULT };
         let result = deformer.deform(&pose(raise, bow), &quality, false)?;
         let m = deformer.measures(&result.positions);
-        println!("raised {raise}, bowed {bow}, stiffness {stiffness}: G {:.2e}, edges {:.3} rms, {} flipped", m.g_normalised, m.edge_rms, m.flipped);
+        println!(
+            "raised {raise}, bowed {bow}, stiffness {stiffness}: G {:.2e}, edges {:.3} rms, {} flipped",
+            m.g_normalised, m.edge_rms, m.flipped
+        );
         shapes.push(result.positions);
     }
     shared::picture(&mesh, &shapes, 5, [330, 460], (50.0, 8.0), &shared::output("encoding_pose.png"))

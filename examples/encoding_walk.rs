@@ -6,6 +6,8 @@
 use std::error::Error;
 
 use barymap::encoding::{HierarchyOptions, SequenceQuality};
+use barymap::geometry::Geodesics;
+use barymap::geometry::sampling::farthest_points;
 use barymap::io::Cache;
 use barymap::models::Walker;
 use barymap::tools::deform::{Deformer, Handles};
@@ -13,22 +15,9 @@ use glam::DVec3;
 
 mod shared;
 
-/// `count` vertices, each far from those before it.
-fn spread(positions: &[DVec3], count: usize) -> Vec<u32> {
-    let mut distance = vec![f64::INFINITY; positions.len()];
-    let mut chosen = vec![0];
-    while chosen.len() < count {
-        let last = positions[chosen[chosen.len() - 1] as usize];
-        positions.iter().zip(&mut distance).for_each(|(p, d)| *d = d.min(p.distance(last)));
-        let next = (0..positions.len()).max_by(|&a, &b| distance[a].total_cmp(&distance[b])).unwrap_or(0);
-        chosen.push(next as u32);
-    }
-    chosen
-}
-
 fn main() -> Result<(), Box<dyn Error>> {
     let walker = Walker::new(0.022);
-    let markers = spread(&walker.mesh.positions, 40);
+    let markers = farthest_points(&Geodesics::new(&walker.mesh.positions, &walker.mesh.triangles()), 0, 40);
     let truth: Vec<Vec<DVec3>> =
         (0..60).map(|f| walker.positions(f64::from(f) / 30.0, (f64::from(f) / 20.0).min(1.0))).collect();
     let tracks: Vec<Vec<DVec3>> =

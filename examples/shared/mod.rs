@@ -22,8 +22,7 @@ pub(crate) fn picture(
     output: &str,
 ) -> Result<(), Box<dyn Error>> {
     let [width, height] = size;
-    let options =
-        RenderOptions { width, height, azimuth: view.0, elevation: view.1, ..RenderOptions::default() };
+    let options = RenderOptions { width, height, azimuth: view.0, elevation: view.1, ..RenderOptions::default() };
     let sheet = contact_sheet(mesh, Coloring::Plain([186, 190, 200]), shapes, columns, &options)?;
     sheet.save(output)?;
     println!("{output}");

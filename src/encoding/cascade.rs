@@ -258,7 +258,11 @@ impl Decoder {
 /// The springs of a stage: over the lengths given for it, else over those at rest times the scale.
 pub(super) fn springs(
     stage: &Stage,
-    given: Option<&Vec<f64>>, rest: &[V3<f64>], scale: f64, stiffness: f64) -> Option<Springs> {
+    given: Option<&Vec<f64>>,
+    rest: &[V3<f64>],
+    scale: f64,
+    stiffness: f64,
+) -> Option<Springs> {
     if !(stiffness > 0.0) {
         return None;
     }

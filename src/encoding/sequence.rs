@@ -134,7 +134,15 @@ impl Decoder {
                     let stop = Stop { iterations: 1, decrease: 0.0 };
                     let (stencils, encoding) = (&stage.stencils, &stage.encoding);
                     let part = &mut positions[..stage.vertices];
-                    solver.minimise(stencils, encoding, springs.as_ref(), h.held, Method::Gradients(steps), stop, part)?;
+                    solver.minimise(
+                        stencils,
+                        encoding,
+                        springs.as_ref(),
+                        h.held,
+                        Method::Gradients(steps),
+                        stop,
+                        part,
+                    )?;
                 }
             }
             if positions.iter().flatten().any(|x| !x.is_finite()) {
@@ -255,8 +263,7 @@ impl<'a> Coarse<'a> {
         let springs = self.springs(k, scale);
         let stop = Stop { iterations: ITERATIONS, decrease: 1e-3 };
         let (stencils, encoding) = (&stage.stencils, &stage.encoding);
-        let solved =
-            self.solvers[k].minimise(stencils, encoding, springs.as_ref(), h.held, Method::Direct, stop, x)?;
+        let solved = self.solvers[k].minimise(stencils, encoding, springs.as_ref(), h.held, Method::Direct, stop, x)?;
         Ok(solved.after)
     }
 }

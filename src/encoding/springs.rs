@@ -87,7 +87,13 @@ pub(crate) fn add_gradient(stencils: &Stencils, springs: &[Stretch], held: usize
 }
 
 /// Adds the term's matrix times `x` for the vertices from `held` on.
-pub(crate) fn add_product(stencils: &Stencils, springs: &[Stretch], held: usize, x: &[V3<f64>], product: &mut [V3<f64>]) {
+pub(crate) fn add_product(
+    stencils: &Stencils,
+    springs: &[Stretch],
+    held: usize,
+    x: &[V3<f64>],
+    product: &mut [V3<f64>],
+) {
     for (slot, spring) in springs.iter().enumerate() {
         let row = stencils.slot_row[slot] as usize;
         let (v, u) = (stencils.vertex[row] as usize, stencils.neighbour[slot] as usize);

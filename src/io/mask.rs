@@ -11,7 +11,8 @@ use crate::{Error, Result};
 const NAMES: [&str; 6] = ["mask", "weight", "quality", "scalar", "value", "scalar_mask"];
 /// How far over one the shares of a vertex may sum, as rounded numbers do.
 const ROUNDING: f64 = 1e-6;
-const REMEDY: &str = "Give numbers from 0 to 1: one a vertex for two meshes, and for more the shares of all but the first";
+const REMEDY: &str =
+    "Give numbers from 0 to 1: one a vertex for two meshes, and for more the shares of all but the first";
 
 /// Reads shares of `meshes` meshes (two or more) at `vertex_count` vertices: one entry a mesh, vertex by vertex, summing to one.
 ///

@@ -26,8 +26,7 @@ impl Walker {
     pub fn new(edge: f64) -> Self {
         let cage = Cage::new();
         let surface = BaseSurface::new(&cage.quads, &cast::neutral().control_positions(&cage));
-        let sampled =
-            Sampled::new(&cage, &surface, &Sampling { edge, jitter: 0.2, seed: 3, shorter_diagonal: true });
+        let sampled = Sampled::new(&cage, &surface, &Sampling { edge, jitter: 0.2, seed: 3, shorter_diagonal: true });
         let mesh = Mesh::from_triangles("walker", sampled.positions(&surface), &sampled.triangles);
         Self { mesh, cage, sampled }
     }

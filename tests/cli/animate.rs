@@ -1,6 +1,7 @@
 //! `barymap animate` end to end: a walking body driven by markers on it.
 
 use std::fmt::Write;
+use std::path::PathBuf;
 
 use barymap::io::{read_mesh, write_obj};
 use barymap::models::Walker;
@@ -48,7 +49,8 @@ fn markers_set_a_body_walking() {
     assert!(report["fit_rms"].as_f64().unwrap() < 1e-9);
     let (document, _, _) = gltf::import(f.path("walk.glb")).unwrap();
     assert_eq!(document.animations().count(), 1);
-    f.run("animate body.obj --motion walk.csv --markers m.json --reference 0 --stiffness 1 -o out --sheet s.png").succeeds();
+    f.run("animate body.obj --motion walk.csv --markers m.json --reference 0 --stiffness 1 -o out --sheet s.png")
+        .succeeds();
     // The body that was measured is known: its markers are met, and the rest is near.
     let truth = walker.positions(39.0 / 30.0, 1.0);
     let made = read_mesh(f.path("out/frame_0039.obj")).unwrap().mesh.positions;
@@ -90,6 +92,58 @@ fn markers_that_stand_still_do_not_jitter_and_gaps_are_closed() {
     let command = "animate body.obj --motion walk.csv --markers m.json --reference 10 -o one";
     f.run_with(command, &[("RAYON_NUM_THREADS", "1")]).succeeds();
     assert!(f.bytes("one/frame_0011.obj") == last);
+}
+
+#[test]
+#[ignore = "needs BARYMAP_DATA"]
+fn every_bad_mesh_and_every_cut_clip_gives_a_result_or_a_clear_message() {
+    let (f, _) = walk(3, |_, _, p| Some(p));
+    let data = PathBuf::from(std::env::var("BARYMAP_DATA").unwrap());
+    let mut files: Vec<PathBuf> = std::fs::read_dir(data.join("bad")).unwrap().map(|e| e.unwrap().path()).collect();
+    files.retain(|path| path.extension().is_some_and(|e| e != "png"));
+    files.sort();
+    assert!(files.len() >= 14, "{} bad meshes", files.len());
+    f.write("h.json", r#"{"handles": [{"vertex": 0, "position": [0, 0, 0]}, {"vertex": 1, "position": [1, 0, 0]}, {"vertex": 2, "position": [0, 1, 0]}]}"#);
+    f.write("few.json", r#"{"M0": 0, "M1": 1, "M2": 2, "M3": 3}"#);
+    let before = f.names();
+    let check = |command: &str, outputs: &[&str]| {
+        let ran = f.run(command);
+        match ran.code {
+            Some(0) => {}
+            Some(1) => {
+                ran.message();
+                assert_eq!(f.names(), before, "{command}: something is left behind");
+            }
+            _ => panic!("{command}: {ran:?}"),
+        }
+        outputs.iter().for_each(|output| drop(std::fs::remove_file(f.path(output))));
+        assert_eq!(f.names(), before, "{command}: something is left behind");
+        ran.code == Some(0)
+    };
+    for file in &files {
+        let name = file.display();
+        check(&format!("deform {name} --handles h.json -o o.obj"), &["o.obj"]);
+        check(&format!("morph {name} {name} -o o.glb --frames 2"), &["o.glb"]);
+        check(&format!("morph body.obj {name} -o o.glb --frames 2"), &["o.glb"]);
+        check(&format!("animate {name} --motion walk.csv --markers few.json --reference 0 -o o.glb"), &["o.glb"]);
+        check(&format!("animate {name} --motion walk.csv --reference 0 -o o.glb"), &["o.glb"]);
+    }
+    // Clips cut in the middle: what is there, or a message that names the file.
+    for clip in ["qualisys_walk.c3d", "movement_trial.c3d", "cmu_01_01.bvh", "mh_walk1.bvh", "cmu_11_01.amc"] {
+        let bytes = std::fs::read(data.join("mocap").join(clip)).unwrap();
+        let cut = format!("cut.{}", clip.rsplit('.').next().unwrap());
+        for length in [0, 100, 700, bytes.len() / 3] {
+            std::fs::write(f.path(&cut), &bytes[..length]).unwrap();
+            let ran = f.run(&format!("animate body.obj --motion {cut} --end 2 --quality preview -o o.glb"));
+            assert!(matches!(ran.code, Some(0 | 1)), "{clip} cut at {length}: {ran:?}");
+            if ran.code == Some(1) {
+                assert!(ran.message().contains("cut."), "{clip} cut at {length}: {}", ran.message());
+            }
+            assert!(ran.code == Some(1) || length > 700, "{clip} cut at {length} is no clip");
+            let _ = std::fs::remove_file(f.path("o.glb"));
+            std::fs::remove_file(f.path(&cut)).unwrap();
+        }
+    }
 }
 
 #[test]

@@ -36,14 +36,12 @@ fn a_glb_holds_a_target_for_every_frame_and_an_animation() {
     assert_eq!(primitive.morph_targets().count(), 5);
     let animation = document.animations().next().unwrap();
     let channel = animation.channels().next().unwrap();
-    let times: Vec<f32> =
-        channel.reader(|buffer| Some(&buffers[buffer.index()])).read_inputs().unwrap().collect();
+    let times: Vec<f32> = channel.reader(|buffer| Some(&buffers[buffer.index()])).read_inputs().unwrap().collect();
     assert_eq!((times[0], times[times.len() - 1]), (0.0, 3.0));
     // The last target moves the first mesh to the last one.
     let base: Vec<DVec3> = reader.read_positions().unwrap().map(|p| glam::Vec3::from(p).as_dvec3()).collect();
     let (moved, _, _) = reader.read_morph_targets().last().unwrap();
-    let last: Vec<DVec3> =
-        moved.unwrap().zip(&base).map(|(d, p)| *p + glam::Vec3::from(d).as_dvec3()).collect();
+    let last: Vec<DVec3> = moved.unwrap().zip(&base).map(|(d, p)| *p + glam::Vec3::from(d).as_dvec3()).collect();
     assert!(distance(&base, &a.positions) < 1e-6 && distance(&last, &b.positions) < 1e-5);
     assert_eq!(f.json("r.json")["frames"].as_array().unwrap().len(), 5);
     // One blend alone: a mesh without an animation.
@@ -83,28 +81,23 @@ fn a_mask_pastes_the_detail_of_one_mesh_onto_another() {
 }
 
 #[test]
-fn three_meshes_and_turns_beyond_a_half() {
-    // A bar twisted by 0, 270 and 540 degrees: with the mesh on the way no step turns by more than 270.
-    let f = Folder::empty();
-    let straight = barymap::models::shapes::tube(0.15, 2.0, 16, 40, barymap::models::shapes::Diagonal::Alternating);
-    let twisted = |degrees: f64| {
-        let mut mesh = straight.clone();
-        for p in &mut mesh.positions {
-            p.x *= 1.6;
-            *p = glam::DQuat::from_rotation_y(degrees.to_radians() * (p.y + 1.0) / 2.0) * *p;
-        }
-        mesh
-    };
-    for (name, degrees) in [("a.obj", 0.0), ("k.obj", 270.0), ("b.obj", 540.0)] {
-        write_obj(&twisted(degrees), f.path(name)).unwrap();
-    }
-    f.run("morph a.obj k.obj b.obj -o out --frames 5 --report r.json").succeeds();
-    for (k, degrees) in [(0, 0.0), (1, 135.0), (2, 270.0), (3, 405.0), (4, 540.0)] {
+fn three_meshes_are_passed_through() {
+    let (f, a, b) = balls();
+    let mut c = a.clone();
+    c.positions.iter_mut().for_each(|p| p.y *= 1.5);
+    let count = c.vertex_count();
+    write_obj(&c, f.path("c.obj")).unwrap();
+    f.run("morph a.obj b.obj c.obj -o out --frames 3").succeeds();
+    for (k, mesh) in [a, b, c].iter().enumerate() {
         let shape = read_mesh(f.path(&format!("out/frame_000{k}.obj"))).unwrap().mesh.positions;
-        let off = distance(&shape, &twisted(degrees).positions) / 2.1;
-        println!("{degrees}: {off}");
-        assert!(off < 0.05, "{degrees}: {off}");
+        assert!(distance(&shape, &mesh.positions) < 1e-9, "{k}");
     }
+    // Shares of the second and the third mesh, line by line.
+    f.write("mask.txt", &vec!["0.25 0.5"; count].join("\n"));
+    f.run("morph a.obj b.obj c.obj -o third.ply --mask mask.txt").succeeds();
+    f.run("morph a.obj b.obj c.obj -o same.ply --weights 0.25,0.25,0.5").succeeds();
+    let [third, same] = ["third.ply", "same.ply"].map(|name| read_mesh(f.path(name)).unwrap().mesh.positions);
+    assert!(distance(&third, &same) < 1e-3, "{}", distance(&third, &same));
 }
 
 #[test]

@@ -10,7 +10,8 @@ use barymap::io::gltf_write::own_materials;
 use barymap::io::{GlbAnimation, MorphForm, Motion, read_markers, read_motion, write_animated_glb};
 use barymap::tools::animate::frames::{FrameFolder, FrameFormat, contact_sheet};
 use barymap::tools::animate::{
-    AnimateOptions, Binding, FrameQuality, GapOptions, Interpolation, Reference, animate, fullest_frame, guess, without_rigid_motion,
+    AnimateOptions, Binding, FrameQuality, GapOptions, Interpolation, Reference, animate, fullest_frame, guess,
+    without_rigid_motion,
 };
 use barymap::tools::render::{Coloring, RenderOptions};
 use clap::ValueEnum;
@@ -56,8 +57,8 @@ pub(crate) struct Arguments {
     /// How far the frames are minimised: preview or default follow the shape in the large and make the rest afresh; fine and converged solve each frame
     #[arg(long, value_enum, default_value = "default")]
     quality: QualityName,
-    /// Keeps the lengths of edges: 0 is plain encoding, 1 holds the size of parts with few markers
-    #[arg(long, default_value_t = 0.0)]
+    /// Keeps the lengths of edges, so that parts with few markers keep their size; 0 is plain encoding
+    #[arg(long, default_value_t = 1.0)]
     stiffness: f64,
     /// Largest distance of a vertex from its place in a GLB, in the mesh's units; 0 stores every frame
     #[arg(long)]
@@ -196,7 +197,8 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     }
     if !report.found_anew.is_empty() {
         let first: Vec<String> = report.found_anew.iter().take(8).map(usize::to_string).collect();
-        let what = "the markers jump, and the mesh may jump with them";
+        let what =
+            "the frame before does not lead there, so the mesh may jump (markers that jump, or few frames a second)";
         session.warn(&format!("{} frames (first: {}): {what}", report.found_anew.len(), first.join(", ")));
     }
     let mut document = session.report("animate");
@@ -253,8 +255,16 @@ fn bind(arguments: &Arguments, motion: &Motion, surface: &Surface) -> Result<Bin
             Binding::given(motion, &surface.mesh, &places, reference)
         }
         None => {
-            let reference = arguments.reference.unwrap_or_else(|| Reference::Frame(fullest_frame(motion, &all)));
-            guess(motion, &surface.mesh, reference)
+            if let Some(reference) = arguments.reference {
+                return guess(motion, &surface.mesh, reference);
+            }
+            let first = guess(motion, &surface.mesh, Reference::Frame(fullest_frame(motion, &all)))?;
+            if motion.skeleton.is_none() {
+                return Ok(first);
+            }
+            // Of a skeleton's first pose and its rest the one that lies nearer to the mesh.
+            let rest = guess(motion, &surface.mesh, Reference::Rest)?;
+            Ok(if rest.rms() < first.rms() { rest } else { first })
         }
     }
 }

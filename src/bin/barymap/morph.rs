@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
+use barymap::Result;
 use barymap::encoding::{DecodeReport, HierarchyOptions};
 use barymap::geometry::Mesh;
 use barymap::io::gltf_write::own_materials;
 use barymap::io::{GlbAnimation, MorphForm, read_mask, read_vertex_list, write_animated_glb, write_glb};
 use barymap::tools::animate::frames::{FrameFolder, FrameFormat};
 use barymap::tools::morph::{Morpher, QUALITY};
-use barymap::Result;
 use clap::ValueEnum;
 use glam::DVec3;
 use serde_json::{Value, json};
@@ -87,7 +87,8 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     for warning in &morpher.warnings {
         session.warn(&format!("{}: {warning}", morpher.name()));
     }
-    let mask = arguments.mask.as_ref().map(|path| read_mask(path, meshes[0].vertex_count(), meshes.len())).transpose()?;
+    let mask =
+        arguments.mask.as_ref().map(|path| read_mask(path, meshes[0].vertex_count(), meshes.len())).transpose()?;
     session.watch.lap("prepare");
     // Normals of an in-between would be wrong: readers make their own.
     let mut mesh = without_normals(&meshes[0]);

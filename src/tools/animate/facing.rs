@@ -83,10 +83,8 @@ pub(super) fn forward_by_walk(motion: &Motion, points: &[(usize, DVec3)]) -> Opt
 /// The horizontal direction of a mesh's toes, if it stands on feet.
 pub(super) fn front_by_toes(vertices: &[DVec3], up: DVec3) -> Option<DVec3> {
     let height = |p: &DVec3| p.dot(up);
-    let (low, high) = vertices
-        .iter()
-        .map(height)
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
+    let (low, high) =
+        vertices.iter().map(height).fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
     let size = high - low;
     let middle = |[from, to]: [f64; 2]| -> Option<DVec3> {
         let slab: Vec<DVec3> =
@@ -152,7 +150,12 @@ mod tests {
                 // It walks a curve, so that the world's directions tell nothing.
                 let turn = DMat3::from_rotation_y(0.1 * f as f64);
                 let along = DVec3::new(-(0.1 * f as f64).cos(), 0.0, (0.1 * f as f64).sin()) * 0.5;
-                chosen.iter().map(|&v| Some(turn * (shape[v] * DVec3::new(1.0, 1.0, 1.0) - DVec3::Z * 1.3 * f as f64 / 30.0) + along)).collect()
+                chosen
+                    .iter()
+                    .map(|&v| {
+                        Some(turn * (shape[v] * DVec3::new(1.0, 1.0, 1.0) - DVec3::Z * 1.3 * f as f64 / 30.0) + along)
+                    })
+                    .collect()
             })
             .collect();
         let motion = Motion {

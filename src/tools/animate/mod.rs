@@ -3,6 +3,7 @@
 //! Clip → [`Binding`] (which point moves which vertex) → [`close_gaps`] → [`Binding::trajectories`] → [`crate::tools::deform::Deformer::play`].
 
 pub mod binding;
+mod bones;
 mod facing;
 pub mod frames;
 pub mod gaps;
