@@ -7,12 +7,12 @@
 //! pairs, those farthest apart, have no say (markers on stalks, strays).
 
 use glam::{DMat3, DVec3};
-use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 
 use super::binding::{Binding, Bond, Reference, reference_point};
 use super::bones::around_bones;
 use super::facing::Facing;
+use super::settle::{normals, onto_surface};
 use crate::encoding::Similarity;
 use crate::error::{Error, Result};
 use crate::geometry::Mesh;
@@ -74,7 +74,8 @@ pub fn guess(motion: &Motion, mesh: &Mesh, reference: Reference) -> Result<Bindi
     let mut fit = facing(&ends, &Facing::new(motion, &points), &vertices, size, &mut warnings);
     if motion.skeleton.is_none() {
         // Joints lie inside the body; markers on it.
-        fit = onto_surface(&clip, &vertices, fit, FAR * size);
+        let normals = normals(mesh, &used);
+        fit = onto_surface(&clip, &vertices, &normals, fit, [FAR * size, GROWTH]);
     }
     let bonds = match &motion.skeleton {
         None => around_markers(motion, &points, &used, &vertices, &fit, FAR * size, &mut warnings),
@@ -212,41 +213,6 @@ fn facing(ends: &[End], facing: &Facing, vertices: &[DVec3], size: f64, warnings
             fit
         }
     }
-}
-
-/// Markers meet the vertices nearest to them, step by step, without those farther than `far`: the fine end of the iteration, on the whole mesh.
-fn onto_surface(clip: &[DVec3], vertices: &[DVec3], start: Similarity, far: f64) -> Similarity {
-    let points: Vec<[f64; 3]> = vertices.iter().map(|p| p.to_array()).collect();
-    let tree = ImmutableKdTree::<f64, 3>::new_from_slice(&points);
-    let (mut fit, mut best) = (start, (f64::INFINITY, start));
-    for _ in 0..STEPS {
-        let mut pairs: Vec<(f64, DVec3, DVec3)> = clip
-            .iter()
-            .map(|p| {
-                let near = tree.nearest_one::<SquaredEuclidean>(&fit.apply(*p).to_array());
-                (near.distance.sqrt(), *p, vertices[near.item as usize])
-            })
-            .filter(|pair| pair.0 <= far)
-            .collect();
-        pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
-        pairs.truncate((pairs.len() * 9).div_ceil(10));
-        if pairs.len() < 4 || 2 * pairs.len() < clip.len() {
-            break;
-        }
-        let error = pairs.iter().map(|p| p.0 * p.0).sum::<f64>() / pairs.len() as f64;
-        if !(error < best.0 * (1.0 - 1e-6)) {
-            break;
-        }
-        best = (error, fit);
-        let met: Vec<(DVec3, DVec3)> = pairs.iter().map(|p| (p.1, p.2)).collect();
-        let next = Similarity::fit(&met);
-        // One way alone, a clip would shrink into the surface step by step.
-        if !(start.scale / GROWTH..=start.scale * GROWTH).contains(&next.scale) {
-            break;
-        }
-        fit = next;
-    }
-    best.1
 }
 
 /// The pairs of each of `from` with the nearest of `to`, without the tenth that is farthest apart, and the mean of their squared distances.

@@ -8,6 +8,7 @@ mod facing;
 pub mod frames;
 pub mod gaps;
 pub mod guess;
+mod settle;
 
 use glam::{DQuat, DVec3, Vec3};
 
