@@ -16,7 +16,7 @@ use crate::io::motion::Motion;
 const NEIGHBOURS: usize = 6;
 
 /// Mean distance of joints from their vertices, in diagonals of the mesh, above which a skeleton's pose is not that of the mesh.
-const APART: f64 = 0.06;
+const APART: f64 = 0.07;
 
 /// One vertex and what moves it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
