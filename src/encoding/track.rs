@@ -7,7 +7,7 @@ use super::derivative::{Linearisation, blocks};
 use super::direct::DirectSolver;
 use super::gradients::{apply, apply_transpose};
 use super::hierarchy::Stage;
-use super::springs::{Springs, add_gradient, add_product};
+use super::springs::{Springs, Stretch, add_gradient, add_product};
 use super::vector::{add_scaled, sub};
 use super::{Similarity, V3};
 use crate::error::{Error, Result};
@@ -47,7 +47,6 @@ impl Tracker {
         held: &[V3<f64>],
         positions: &mut [V3<f64>],
     ) -> Result<Tracked> {
-        let (stencils, encoding) = (&stage.stencils, &stage.encoding);
         let (n, first) = (positions.len(), held.len());
         let pairs: Vec<(DVec3, DVec3)> =
             positions.iter().zip(held).map(|(a, b)| (DVec3::from(*a), DVec3::from(*b))).collect();
@@ -57,48 +56,64 @@ impl Tracker {
         for ((m, to), from) in moved.iter_mut().zip(held).zip(&*positions) {
             *m = sub(*to, *from);
         }
-        let mut residual = vec![[0.0; 3]; stencils.row_count()];
-        let mut gradient = vec![[0.0; 3]; n];
-        for second in [false, true] {
-            let value = |positions: &[V3<f64>], residual: &mut [V3<f64>]| {
-                encoding_residual(stencils, encoding, positions, residual);
-                energy(residual) + springs.map_or(0.0, |s| s.energy(stencils, positions))
-            };
-            let before = value(positions, &mut residual);
-            let at = Linearisation::new(stencils, encoding, positions);
-            let matrix = blocks(stencils, encoding, &at, positions);
-            let stretched = springs.map_or(Vec::new(), |s| s.linearise(stencils, positions));
-            if !second {
-                if !DAMPINGS.iter().any(|&damping| self.solver.factor(&matrix, &stretched, damping)) {
-                    let what = "the system of a frame has no inverse";
-                    return Err(Error::numeric(what, "Bind more vertices, spread over the mesh"));
-                }
-                let mut change = vec![[0.0; 3]; residual.len()];
-                apply(stencils, &matrix, &moved, &mut change);
-                residual.iter_mut().zip(&change).for_each(|(r, c)| *r = add_scaled(*r, *c, 1.0));
-            }
-            apply_transpose(stencils, &matrix, &residual, first, &mut gradient);
-            add_gradient(stencils, &stretched, first, &mut gradient);
-            if !second {
-                add_product(stencils, &stretched, first, &moved, &mut gradient);
-            }
-            self.solver.apply(&mut gradient[first..]);
-            let mut trial = positions.to_vec();
-            trial[..first].copy_from_slice(held);
-            for v in first..n {
-                trial[v] = sub(positions[v], gradient[v]);
-            }
-            if !second {
-                positions.copy_from_slice(&trial);
-                continue;
-            }
-            let after = value(&trial, &mut residual);
-            if after < before {
-                positions.copy_from_slice(&trial);
-                return Ok(Tracked { value: after, decrease: 1.0 - after / before });
-            }
+        let system = System::new(stage, springs, positions);
+        if !DAMPINGS.iter().any(|&damping| self.solver.factor(&system.blocks, &system.springs, damping)) {
+            let what = "the system of a frame has no inverse";
+            return Err(Error::numeric(what, "Bind more vertices, spread over the mesh"));
+        }
+        let mut change = vec![[0.0; 3]; system.residual.len()];
+        apply(&stage.stencils, &system.blocks, &moved, &mut change);
+        let residual: Vec<V3<f64>> =
+            system.residual.iter().zip(&change).map(|(r, c)| add_scaled(*r, *c, 1.0)).collect();
+        let mut gradient = system.gradient(stage, first, &residual);
+        add_product(&stage.stencils, &system.springs, first, &moved, &mut gradient);
+        self.solver.apply(&mut gradient[first..]);
+        positions[..first].copy_from_slice(held);
+        positions[first..].iter_mut().zip(&gradient[first..]).for_each(|(p, s)| *p = sub(*p, *s));
+
+        let system = System::new(stage, springs, positions);
+        let mut gradient = system.gradient(stage, first, &system.residual);
+        self.solver.apply(&mut gradient[first..]);
+        let trial: Vec<V3<f64>> =
+            (0..n).map(|v| if v < first { held[v] } else { sub(positions[v], gradient[v]) }).collect();
+        let (before, after) = (system.value, value(stage, springs, &trial).0);
+        if !(after < before) {
             return Ok(Tracked { value: before, decrease: 0.0 });
         }
-        unreachable!("the second step returns")
+        positions.copy_from_slice(&trial);
+        Ok(Tracked { value: after, decrease: 1.0 - after / before })
+    }
+}
+
+/// G with that of the springs, and the residuals V - F.
+fn value(stage: &Stage, springs: Option<&Springs>, positions: &[V3<f64>]) -> (f64, Vec<V3<f64>>) {
+    let mut residual = vec![[0.0; 3]; stage.stencils.row_count()];
+    encoding_residual(&stage.stencils, &stage.encoding, positions, &mut residual);
+    (energy(&residual) + springs.map_or(0.0, |s| s.energy(&stage.stencils, positions)), residual)
+}
+
+/// Everything of first order about a pose.
+struct System {
+    value: f64,
+    residual: Vec<V3<f64>>,
+    blocks: Vec<[f64; 9]>,
+    springs: Vec<Stretch>,
+}
+
+impl System {
+    fn new(stage: &Stage, springs: Option<&Springs>, positions: &[V3<f64>]) -> Self {
+        let (value, residual) = value(stage, springs, positions);
+        let at = Linearisation::new(&stage.stencils, &stage.encoding, positions);
+        let blocks = blocks(&stage.stencils, &stage.encoding, &at, positions);
+        let springs = springs.map_or(Vec::new(), |s| s.linearise(&stage.stencils, positions));
+        Self { value, residual, blocks, springs }
+    }
+
+    /// The gradient for the vertices from `held` on, with the residuals given.
+    fn gradient(&self, stage: &Stage, held: usize, residual: &[V3<f64>]) -> Vec<V3<f64>> {
+        let mut gradient = vec![[0.0; 3]; stage.vertices];
+        apply_transpose(&stage.stencils, &self.blocks, residual, held, &mut gradient);
+        add_gradient(&stage.stencils, &self.springs, held, &mut gradient);
+        gradient
     }
 }

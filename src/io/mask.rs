@@ -74,10 +74,9 @@ fn from_ply(path: &Path, others: usize) -> Result<Vec<f64>> {
     names.extend(["red", "green", "blue"]);
     let mut found = read_vertex_properties(path, &names)?;
     let colours = found.split_off(NAMES.len());
-    if others == 1 {
-        if let Some(values) = found.into_iter().flatten().next() {
-            return Ok(values);
-        }
+    let single = found.into_iter().flatten().next().filter(|_| others == 1);
+    if let Some(values) = single {
+        return Ok(values);
     }
     let missing = || {
         let remedy = "Export vertex colours, or a vertex property named mask";
