@@ -95,6 +95,11 @@ impl DecodeReport {
     }
 }
 
+/// Without a frame before, stages of at most so many free vertices are first converged with this stiffness. G alone has minima in which a twisted part is
+/// pinched and triangles flip: on the standard tube of 2,000 vertices turned by 180 degrees, 10 of them without this start and none with it.
+const START_FREE: usize = 2000;
+const START: f64 = 1.0;
+
 /// A hierarchy with everything that frames share: one decoder a mesh and held set.
 #[derive(Debug)]
 pub struct Decoder {
@@ -191,8 +196,17 @@ impl Decoder {
             }
             let stop = stop(method, quality);
             if stop.iterations > 0 {
+                let mut started = 0;
+                if last.is_none() && free <= START_FREE && method == Method::Direct && quality.stiffness < START {
+                    let springs = springs(stage, self.lengths.get(k), &self.rest, scale, START);
+                    let part = &mut positions[..stage.vertices];
+                    let (stencils, encoding) = (&stage.stencils, &stage.encoding);
+                    started = self.solvers[k]
+                        .minimise(stencils, encoding, springs.as_ref(), h.held, method, stop, part)?
+                        .iterations;
+                }
                 let springs = springs(stage, self.lengths.get(k), &self.rest, scale, quality.stiffness);
-                let solved = self.solvers[k].minimise(
+                let mut solved = self.solvers[k].minimise(
                     &stage.stencils,
                     &stage.encoding,
                     springs.as_ref(),
@@ -201,6 +215,7 @@ impl Decoder {
                     stop,
                     &mut positions[..stage.vertices],
                 )?;
+                solved.iterations += started;
                 report.levels.push(LevelReport::new(free, &solved, clock));
             }
             if k + 1 == h.stages.len() && quality.sweeps > 0 {

@@ -35,9 +35,7 @@ fn the_small_tube_reaches_the_minimum() {
             assert!(m.g <= 1.05 * best && m.g <= limit, "{pose:?}: {} for {best}", m.g);
             let default = deformer.deform(&targets, &Quality::DEFAULT, false).unwrap();
             assert!(deformer.measures(&default.positions).g <= 1.5 * best, "{pose:?}");
-            if !matches!(pose, Pose::Twist(180.0)) {
-                assert_eq!(m.flipped, 0, "{pose:?}");
-            }
+            assert_eq!(m.flipped, 0, "{pose:?}");
             for (&v, t) in handles.iter().zip(&targets) {
                 assert_eq!(converged.positions[v as usize], *t);
             }
@@ -96,7 +94,7 @@ fn stiffness_keeps_what_plain_encoding_pinches() {
     let (plain, stiff) = (measure(0.0), measure(1.0));
     println!("{plain:?}\n{stiff:?}");
     assert!(stiff.volume_ratio > plain.volume_ratio + 0.08, "{stiff:?}");
-    assert!(stiff.edge_rms < 0.6 * plain.edge_rms && stiff.flipped == 0, "{stiff:?}");
+    assert!(stiff.edge_rms < 0.65 * plain.edge_rms && stiff.flipped == 0 && plain.flipped == 0, "{stiff:?}");
 }
 
 /// The surface of a slab of cubes with two holes, smoothed: genus 2, long along x.
