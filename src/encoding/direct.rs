@@ -2,7 +2,7 @@
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::LltRegularization;
-use faer::sparse::linalg::cholesky::{SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky};
+use faer::sparse::linalg::cholesky::{LltRef, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
 use faer::{Conj, MatMut, Par, Side};
 
@@ -139,6 +139,15 @@ impl DirectSolver {
     /// Solves (H + damping diag H) x = gradient in place; `false` if the matrix is not numerically positive definite. `springs` has an
     /// entry a slot, or none.
     pub(crate) fn solve(&mut self, blocks: &[[f64; 9]], springs: &[Stretch], damping: f64, x: &mut [V3<f64>]) -> bool {
+        if !self.factor(blocks, springs, damping) {
+            return false;
+        }
+        self.apply(x);
+        x.iter().flatten().all(|v| v.is_finite())
+    }
+
+    /// Factorises H + damping diag H; `false` if it is not numerically positive definite.
+    pub(crate) fn factor(&mut self, blocks: &[[f64; 9]], springs: &[Stretch], damping: f64) -> bool {
         self.assemble(blocks, springs);
         for &block in &self.diagonal {
             for c in 0..3 {
@@ -149,7 +158,7 @@ impl DirectSolver {
         }
         let matrix = SparseColMatRef::new(self.pattern.as_ref(), &self.values);
         // Sequential: the number of threads must not change the result.
-        let Ok(llt) = self.symbolic.factorize_numeric_llt(
+        let done = self.symbolic.factorize_numeric_llt(
             &mut self.factor,
             matrix,
             Side::Lower,
@@ -157,13 +166,16 @@ impl DirectSolver {
             Par::Seq,
             MemStack::new(&mut self.scratch),
             Default::default(),
-        ) else {
-            return false;
-        };
+        );
+        done.is_ok()
+    }
+
+    /// Solves with the last factorisation, in place.
+    pub(crate) fn apply(&mut self, x: &mut [V3<f64>]) {
         let n = x.len();
         let right = MatMut::from_column_major_slice_mut(x.as_flattened_mut(), 3 * n, 1);
+        let llt = LltRef::<usize, f64>::new(&self.symbolic, &self.factor);
         llt.solve_in_place_with_conj(Conj::No, right, Par::Seq, MemStack::new(&mut self.solve_scratch));
-        x.iter().flatten().all(|v| v.is_finite())
     }
 
     fn assemble(&mut self, blocks: &[[f64; 9]], springs: &[Stretch]) {

@@ -24,6 +24,20 @@ pub(crate) fn apply_transpose(stencils: &Stencils, blocks: &[[f64; 9]], y: &[V3<
     });
 }
 
+/// (I - dF) x for every row.
+pub(crate) fn apply(stencils: &Stencils, blocks: &[[f64; 9]], x: &[V3<f64>], y: &mut [V3<f64>]) {
+    y.par_chunks_mut(BLOCK).enumerate().for_each(|(block, part)| {
+        for (row, out) in (block * BLOCK..).zip(part) {
+            let slots = stencils.slots(row);
+            let ring = &stencils.neighbour[slots.clone()];
+            *out = blocks[slots]
+                .iter()
+                .zip(ring)
+                .fold(x[stencils.vertex[row] as usize], |sum, (b, &v)| minus(sum, b, x[v as usize]));
+        }
+    });
+}
+
 /// a - B x for a block by rows.
 #[inline(always)]
 fn minus<R: Real>(a: V3<R>, b: &[R; 9], x: V3<R>) -> V3<R> {

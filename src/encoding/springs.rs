@@ -7,7 +7,7 @@
 use rayon::prelude::*;
 
 use super::decode::BLOCK;
-use super::vector::{add_scaled, length, scale, sub};
+use super::vector::{add_scaled, dot, length, scale, sub};
 use super::{Stencils, V3};
 
 /// The term of one stage: a spring a slot, so that an edge with both ends in a ring has two halves.
@@ -82,6 +82,27 @@ pub(crate) fn add_gradient(stencils: &Stencils, springs: &[Stretch], held: usize
         }
         if u >= held {
             gradient[u] = add_scaled(gradient[u], spring.direction, -spring.value);
+        }
+    }
+}
+
+/// Adds the term's matrix times `x` for the vertices from `held` on.
+pub(crate) fn add_product(
+    stencils: &Stencils,
+    springs: &[Stretch],
+    held: usize,
+    x: &[V3<f64>],
+    product: &mut [V3<f64>],
+) {
+    for (slot, spring) in springs.iter().enumerate() {
+        let row = stencils.slot_row[slot] as usize;
+        let (v, u) = (stencils.vertex[row] as usize, stencils.neighbour[slot] as usize);
+        let pull = dot(spring.direction, sub(x[v], x[u]));
+        if v >= held {
+            product[v] = add_scaled(product[v], spring.direction, pull);
+        }
+        if u >= held {
+            product[u] = add_scaled(product[u], spring.direction, -pull);
         }
     }
 }

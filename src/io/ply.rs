@@ -10,7 +10,7 @@ use glam::{DVec2, DVec3};
 
 use super::LoadedMesh;
 use super::assemble::{self, TexcoordPool};
-use super::ply_header::{Encoding, Header, Kind, Scalar};
+use super::ply_header::{Encoding, Header, Kind, Property, Scalar};
 use super::source::{self, Notes};
 use crate::geometry::{Corner, Material, MeshBuilder, NONE};
 use crate::{Error, Result};
@@ -83,6 +83,41 @@ pub fn parse_ply(bytes: &[u8], path: &Path) -> Result<LoadedMesh> {
         mesh.normals.clear();
     }
     assemble::finish(builder, notes, path)
+}
+
+/// The numbers that the vertices of a PLY file have under each of `names`, or nothing. Whole numbers of one byte are read as parts of 255, as colours are.
+///
+/// # Errors
+/// As [`read_ply`].
+pub(crate) fn read_vertex_properties(path: &Path, names: &[&str]) -> Result<Vec<Option<Vec<f64>>>> {
+    let bytes = source::read_all(path)?;
+    let header = Header::parse(&bytes, path)?;
+    let mut body = Body { bytes: &bytes, at: header.length, encoding: header.encoding, path };
+    for element in header.elements.iter().filter(|e| !e.properties.is_empty()) {
+        let mut item = Item::new(&element.properties.iter().map(|p| p.kind).collect::<Vec<_>>());
+        if element.name != "vertex" {
+            body.each(&element.name, element.count, &mut item, |_| Ok(()))?;
+            continue;
+        }
+        let scalar = |p: &Property, name: &str| p.name == name && matches!(p.kind, Kind::Scalar(_));
+        let places: Vec<Option<usize>> =
+            names.iter().map(|name| element.properties.iter().position(|p| scalar(p, name))).collect();
+        let scale = |k: usize| match element.properties[k].kind {
+            Kind::Scalar(Scalar::U8) => 1.0 / 255.0,
+            _ => 1.0,
+        };
+        let mut values: Vec<Option<Vec<f64>>> = places.iter().map(|place| place.map(|_| Vec::new())).collect();
+        body.each(&element.name, element.count, &mut item, |item| {
+            for (place, list) in places.iter().zip(&mut values) {
+                if let (Some(k), Some(list)) = (*place, list) {
+                    list.push(item.scalars[k] * scale(k));
+                }
+            }
+            Ok(())
+        })?;
+        return Ok(values);
+    }
+    Ok(vec![None; names.len()])
 }
 
 /// The values of one element: scalars, and lists in one buffer.

@@ -14,7 +14,9 @@ pub mod polygons;
 mod sampling;
 pub mod shapes;
 mod subdivision;
+mod walk;
 
 pub use character::Character;
 pub use pair::{ModelPair, character_pair, stout, strider};
 pub use subdivision::Parameter;
+pub use walk::Walker;

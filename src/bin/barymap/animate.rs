@@ -4,13 +4,14 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use barymap::Result;
-use barymap::encoding::Quality;
+use barymap::encoding::{Quality, SequenceQuality};
 use barymap::geometry::Mesh;
 use barymap::io::gltf_write::own_materials;
 use barymap::io::{GlbAnimation, MorphForm, Motion, read_markers, read_motion, write_animated_glb};
 use barymap::tools::animate::frames::{FrameFolder, FrameFormat, contact_sheet};
 use barymap::tools::animate::{
-    AnimateOptions, Binding, GapOptions, Interpolation, Reference, animate, fullest_frame, guess, without_rigid_motion,
+    AnimateOptions, Binding, FrameQuality, GapOptions, Interpolation, Reference, animate, fullest_frame, guess,
+    without_rigid_motion,
 };
 use barymap::tools::render::{Coloring, RenderOptions};
 use clap::ValueEnum;
@@ -53,9 +54,12 @@ pub(crate) struct Arguments {
     /// How short gaps are closed
     #[arg(long, value_enum, default_value = "cubic")]
     interpolation: InterpolationName,
-    /// How far the minimisation of each frame goes: splits, preview, default or converged
-    #[arg(long, default_value = "default", value_parser = quality)]
-    quality: Quality,
+    /// How far the frames are minimised: preview or default follow the shape in the large and make the rest afresh; fine and converged solve each frame
+    #[arg(long, value_enum, default_value = "default")]
+    quality: QualityName,
+    /// Keeps the lengths of edges, so that parts with few markers keep their size; 0 is plain encoding
+    #[arg(long, default_value_t = 1.0)]
+    stiffness: f64,
     /// Largest distance of a vertex from its place in a GLB, in the mesh's units; 0 stores every frame
     #[arg(long)]
     tolerance: Option<f64>,
@@ -80,6 +84,14 @@ enum InterpolationName {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
+enum QualityName {
+    Preview,
+    Default,
+    Fine,
+    Converged,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
 enum FormatName {
     Obj,
     Ply,
@@ -92,14 +104,15 @@ fn reference(text: &str) -> std::result::Result<Reference, String> {
     text.parse().map(Reference::Frame).map_err(|_| format!("{text:?} is no pose: write a frame number or rest"))
 }
 
-fn quality(text: &str) -> std::result::Result<Quality, String> {
-    Ok(match text {
-        "splits" => Quality::SPLITS,
-        "preview" => Quality::PREVIEW,
-        "default" => Quality::DEFAULT,
-        "converged" => Quality::CONVERGED,
-        _ => return Err(format!("{text:?} is none of splits, preview, default, converged")),
-    })
+impl QualityName {
+    fn quality(self, stiffness: f64) -> FrameQuality {
+        match self {
+            Self::Preview => FrameQuality::Sequence(SequenceQuality { stiffness, ..SequenceQuality::PREVIEW }),
+            Self::Default => FrameQuality::Sequence(SequenceQuality { stiffness, ..SequenceQuality::DEFAULT }),
+            Self::Fine => FrameQuality::Single(Quality { stiffness, ..Quality::DEFAULT }),
+            Self::Converged => FrameQuality::Single(Quality { stiffness, ..Quality::CONVERGED }),
+        }
+    }
 }
 
 pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
@@ -112,6 +125,9 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         if !(value > 0.0) || !value.is_finite() {
             return Err(usage(name, &format!("{value}"), "Give a positive number"));
         }
+    }
+    if !(arguments.stiffness >= 0.0) || !arguments.stiffness.is_finite() {
+        return Err(usage("--stiffness", &format!("{}", arguments.stiffness), "Give a number from 0"));
     }
     let mut session = Session::start_on_cpu(common)?;
     let whole = read_motion(&arguments.motion)?;
@@ -133,7 +149,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let step = (whole.rate / arguments.rate).round().max(1.0) as usize;
     let motion = whole.part(arguments.first, arguments.end.unwrap_or(usize::MAX), 1)?;
     let options = AnimateOptions {
-        quality: arguments.quality,
+        quality: arguments.quality.quality(arguments.stiffness),
         gaps: GapOptions {
             longest: arguments.gap,
             interpolation: match arguments.interpolation {
@@ -156,14 +172,14 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let report =
         animate(mesh, &whole, &motion, &binding, &options, session.cache(), session.progress(), |f, shape| {
             if let Some(folder) = &mut folder {
-                folder.write(mesh, &shape.positions)?;
+                folder.write(mesh, &shape)?;
             } else {
-                let (local, placement) = without_rigid_motion(mesh, &shape.positions);
+                let (local, placement) = without_rigid_motion(mesh, &shape);
                 frames.push(local);
                 placements.push(placement);
             }
             if arguments.sheet.is_some() && wanted.contains(&f) {
-                pictured.push(shape.positions);
+                pictured.push(shape);
             }
             Ok(())
         })?;
@@ -178,6 +194,12 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
             gap.name, gap.interpolated, gap.released, gap.longest
         );
         session.warn(&text);
+    }
+    if !report.found_anew.is_empty() {
+        let first: Vec<String> = report.found_anew.iter().take(8).map(usize::to_string).collect();
+        let what =
+            "the frame before does not lead there, so the mesh may jump (markers that jump, or few frames a second)";
+        session.warn(&format!("{} frames (first: {}): {what}", report.found_anew.len(), first.join(", ")));
     }
     let mut document = session.report("animate");
     let written = match folder {
@@ -215,7 +237,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         ("bound_vertices", json!(binding.bonds.len())),
         ("fit_rms", json!(binding.rms())),
         ("fit_scale", json!(binding.fit.scale)),
-        ("iterations", json!(report.iterations)),
+        ("found_anew", json!(report.found_anew)),
     ] {
         document[key] = value;
     }
@@ -233,8 +255,16 @@ fn bind(arguments: &Arguments, motion: &Motion, surface: &Surface) -> Result<Bin
             Binding::given(motion, &surface.mesh, &places, reference)
         }
         None => {
-            let reference = arguments.reference.unwrap_or_else(|| Reference::Frame(fullest_frame(motion, &all)));
-            guess(motion, &surface.mesh, reference)
+            if let Some(reference) = arguments.reference {
+                return guess(motion, &surface.mesh, reference);
+            }
+            let first = guess(motion, &surface.mesh, Reference::Frame(fullest_frame(motion, &all)))?;
+            if motion.skeleton.is_none() {
+                return Ok(first);
+            }
+            // Of a skeleton's first pose and its rest the one that lies nearer to the mesh.
+            let rest = guess(motion, &surface.mesh, Reference::Rest)?;
+            Ok(if rest.rms() < first.rms() { rest } else { first })
         }
     }
 }

@@ -15,6 +15,9 @@ use crate::io::motion::Motion;
 /// Markers whose motion tells how the surface at a marker turns.
 const NEIGHBOURS: usize = 6;
 
+/// Mean distance of joints from their vertices, in diagonals of the mesh, above which a skeleton's pose is not that of the mesh.
+const APART: f64 = 0.07;
+
 /// One vertex and what moves it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bond {
@@ -117,6 +120,13 @@ impl Binding {
                 "markers far from their vertices (over a tenth of the mesh's size): {}. Check their places, and that the reference frame shows the \
                  performer in the pose of the mesh",
                 far.join(", ")
+            ));
+        }
+        if motion.skeleton.is_some() && binding.rms() > APART * size {
+            binding.warnings.push(format!(
+                "joints and the vertices around them are {:.1} % of the mesh's size apart (rms): the skeleton's reference pose and the mesh hardly agree. Choose \
+                 another reference frame, or bind by a file",
+                100.0 * binding.rms() / size
             ));
         }
         Ok(binding)

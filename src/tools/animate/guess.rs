@@ -6,12 +6,13 @@
 //! mesh with the clip: one way alone, a small clip hides inside the body. Both sides are thinned to evenly spread samples first, and a tenth of the
 //! pairs, those farthest apart, have no say (markers on stalks, strays).
 
-use std::collections::BTreeSet;
-
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::binding::{Binding, Bond, Reference, reference_point};
+use super::bones::around_bones;
+use super::facing::Facing;
+use super::settle::{normals, onto_surface};
 use crate::encoding::Similarity;
 use crate::error::{Error, Result};
 use crate::geometry::Mesh;
@@ -21,6 +22,10 @@ use crate::io::motion::{Motion, Segment};
 const STEPS: usize = 60;
 /// How far the size may go from that of the heights: arms may be held differently, the height hardly.
 const GROWTH: f64 = 1.1;
+/// An end that faces as the mesh does is taken if its error (a mean square) is at most so many times the best one's.
+const WORSE: f64 = 4.0;
+/// Ends whose errors are that near are told to be alike.
+const ALIKE: f64 = 1.5;
 /// Headings tried for each way up.
 const HEADINGS: usize = 8;
 /// Samples of the mesh and of the clip.
@@ -32,11 +37,6 @@ const BONE_SAMPLES: f64 = 40.0;
 const FAR: f64 = 0.06;
 /// Bones shorter than this part of the diagonal (fingers, eyes) are taken together.
 const SHORT: f64 = 0.04;
-/// Where along a bone vertices are taken, and how many around it at each place.
-const ALONG: [f64; 2] = [0.3, 0.7];
-const AROUND: usize = 4;
-/// Vertices bound to a tuft of short bones.
-const TUFT: usize = 6;
 
 /// Binds the points of `motion` to `mesh` by the shape of the `reference` pose alone.
 ///
@@ -67,9 +67,16 @@ pub fn guess(motion: &Motion, mesh: &Mesh, reference: Reference) -> Result<Bindi
         None => points.iter().map(|p| p.1).collect(),
         Some(skeleton) => along_bones(motion, &skeleton.segments, reference)?,
     };
-    let fit = laid_on(&spread_out(&clip, CLIP_SAMPLES), &spread_out(&vertices, MESH_SAMPLES));
-    let size = diagonal(&vertices);
     let mut warnings = Vec::new();
+    let samples = spread_out(&vertices, MESH_SAMPLES);
+    let ends = laid_on(&spread_out(&clip, CLIP_SAMPLES), &samples);
+    let size = diagonal(&vertices);
+    let mut fit = facing(&ends, &Facing::new(motion, &points), &vertices, size, &mut warnings);
+    if motion.skeleton.is_none() {
+        // Joints lie inside the body; markers on it.
+        let normals = normals(mesh, &used);
+        fit = onto_surface(&clip, &vertices, &normals, fit, [FAR * size, GROWTH]);
+    }
     let bonds = match &motion.skeleton {
         None => around_markers(motion, &points, &used, &vertices, &fit, FAR * size, &mut warnings),
         Some(_) => around_bones(motion, reference, &used, &vertices, &fit, SHORT * size)?,
@@ -117,7 +124,7 @@ fn along_bones(motion: &Motion, segments: &[Segment], reference: Reference) -> R
 }
 
 /// At most `most` of the points, each as far as possible from those before it.
-fn spread_out(points: &[DVec3], most: usize) -> Vec<DVec3> {
+pub(super) fn spread_out(points: &[DVec3], most: usize) -> Vec<DVec3> {
     let mut distance = vec![f64::INFINITY; points.len()];
     let mut chosen: Vec<DVec3> = Vec::new();
     let mut next = 0;
@@ -151,17 +158,61 @@ fn turns() -> Vec<(DMat3, DVec3)> {
         .collect()
 }
 
-/// The similarity that lays the clip onto the vertices best.
-fn laid_on(clip: &[DVec3], vertices: &[DVec3]) -> Similarity {
-    let ends: Vec<(f64, Similarity)> =
-        turns().par_iter().map(|(turn, up)| closest_points(clip, vertices, turn, *up)).collect();
-    let mut best = ends[0];
-    for end in ends {
-        if end.0 < best.0 {
-            best = end;
+/// An end of the iteration: its error (a mean square), the similarity, and the way up of the mesh that it was begun with.
+type End = (f64, Similarity, DVec3);
+
+/// The similarities that lay the clip onto the vertices, best first.
+fn laid_on(clip: &[DVec3], vertices: &[DVec3]) -> Vec<End> {
+    let one = |(turn, up): &(DMat3, DVec3)| {
+        let (error, fit) = closest_points(clip, vertices, turn, *up);
+        (error, fit, *up)
+    };
+    let mut ends: Vec<End> = turns().par_iter().map(one).collect();
+    ends.sort_by(|a, b| a.0.total_cmp(&b.0));
+    ends
+}
+
+/// The best of the ends that face as the mesh does, where that can be told and costs not too much; and a word where it mattered.
+fn facing(ends: &[End], facing: &Facing, vertices: &[DVec3], size: f64, warnings: &mut Vec<String>) -> Similarity {
+    let (best, fit, _) = ends[0];
+    let rms = |error: f64| 100.0 * (0.5 * error).sqrt() / size;
+    let told = |end: &End| facing.agrees(&end.1.rotation, vertices, end.2);
+    // Turned by more than a right angle against it.
+    let apart = |end: &&End| {
+        let turn = (end.1.rotation.transpose() * fit.rotation).to_cols_array_2d();
+        (0..3).map(|k| turn[k][k]).sum::<f64>() < 1.0
+    };
+    let other = ends.iter().find(apart);
+    match told(&ends[0]) {
+        Some(true) => fit,
+        Some(false) => match ends.iter().find(|end| told(end) == Some(true) && end.0 < WORSE * best) {
+            Some(end) => {
+                warnings.push(format!(
+                    "by shape alone the clip would lie on the mesh back to front ({:.1} % of its size between them); by names, toes and walk it lies \
+                     as it does now ({:.1} %)",
+                    rms(best),
+                    rms(end.0)
+                ));
+                end.1
+            }
+            None => {
+                warnings.push(
+                    "names, toes and walk say that the clip lies on the mesh back to front: look at the picture".into(),
+                );
+                fit
+            }
+        },
+        None => {
+            if let Some(other) = other.filter(|end| end.0 < ALIKE * best) {
+                warnings.push(format!(
+                    "the clip lies on the mesh almost as well another way round ({:.1} and {:.1} % of its size between them): look at the picture",
+                    rms(best),
+                    rms(other.0)
+                ));
+            }
+            fit
         }
     }
-    best.1
 }
 
 /// The pairs of each of `from` with the nearest of `to`, without the tenth that is farthest apart, and the mean of their squared distances.
@@ -249,114 +300,6 @@ fn around_markers(
     bonds
 }
 
-/// A bone on the mesh.
-struct Bone {
-    /// The joint its vertices move with.
-    carrier: usize,
-    /// Whether it is one of a tuft of short bones (a hand, a face), whose vertices all move with the joint the tuft hangs on.
-    short: bool,
-    a: DVec3,
-    b: DVec3,
-}
-
-fn bones(
-    motion: &Motion,
-    segments: &[Segment],
-    reference: Reference,
-    fit: &Similarity,
-    short: f64,
-) -> Result<Vec<Bone>> {
-    let mut bones = Vec::with_capacity(segments.len());
-    for segment in segments {
-        let a = fit.apply(reference_point(motion, reference, segment.from)?);
-        let b = fit.apply(reference_point(motion, reference, segment.to)?);
-        bones.push(Bone { carrier: segment.follows, short: a.distance(b) < short, a, b });
-    }
-    // Parents come before children, so that the carrier of a short bone's short parent is known.
-    let mut into = vec![None; motion.point_count()];
-    for (k, segment) in segments.iter().enumerate() {
-        let parent = into.get(segment.from).copied().flatten();
-        if let Some(parent) = parent.filter(|&p: &usize| bones[k].short && bones[p].short) {
-            bones[k].carrier = bones[parent].carrier;
-        }
-        into[segment.to] = Some(k);
-    }
-    Ok(bones)
-}
-
-/// Vertices around the bones: at two places along each, four around it; of a tuft of short bones, six that lie far apart. Each vertex belongs to the
-/// bone it is nearest to. Parts without any bound vertex could grow and shrink, because the encoding does not know about size.
-fn around_bones(
-    motion: &Motion,
-    reference: Reference,
-    used: &[u32],
-    vertices: &[DVec3],
-    fit: &Similarity,
-    short: f64,
-) -> Result<Vec<Bond>> {
-    let Some(skeleton) = &motion.skeleton else { return Ok(Vec::new()) };
-    let bones = bones(motion, &skeleton.segments, reference, fit, short)?;
-    let distance = |p: DVec3, bone: &Bone| {
-        let d = bone.b - bone.a;
-        let t = ((p - bone.a).dot(d) / d.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-        p.distance(bone.a + d * t)
-    };
-    let owner: Vec<usize> = vertices
-        .par_iter()
-        .map(|p| {
-            let all = bones.iter().enumerate().map(|(k, bone)| (distance(*p, bone), k));
-            all.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(0, |x| x.1)
-        })
-        .collect();
-    let mut taken = vec![false; vertices.len()];
-    let mut bonds: Vec<Bond> = Vec::new();
-    for (k, bone) in bones.iter().enumerate().filter(|(_, bone)| !bone.short) {
-        for v in around_bone(bone, vertices, |v| owner[v] == k) {
-            if !std::mem::replace(&mut taken[v], true) {
-                bonds.push(Bond { vertex: used[v], point: bone.carrier });
-            }
-        }
-    }
-    let tufts: BTreeSet<usize> = bones.iter().filter(|b| b.short).map(|b| b.carrier).collect();
-    for carrier in tufts {
-        let own: Vec<usize> = (0..vertices.len())
-            .filter(|&v| bones[owner[v]].short && bones[owner[v]].carrier == carrier && !taken[v])
-            .collect();
-        let places: Vec<DVec3> = own.iter().map(|&v| vertices[v]).collect();
-        for place in spread_out(&places, TUFT) {
-            if let Some(&v) = own.iter().find(|&&v| vertices[v] == place) {
-                taken[v] = true;
-                bonds.push(Bond { vertex: used[v], point: carrier });
-            }
-        }
-    }
-    Ok(bonds)
-}
-
-/// The own vertices nearest to half lines out of a bone.
-fn around_bone(bone: &Bone, vertices: &[DVec3], own: impl Fn(usize) -> bool) -> Vec<usize> {
-    let length = bone.a.distance(bone.b);
-    let axis = (bone.b - bone.a) / length;
-    let side = axis.any_orthonormal_vector();
-    let other = axis.cross(side);
-    let mut found = Vec::new();
-    for along in ALONG {
-        let centre = bone.a.lerp(bone.b, along);
-        for k in 0..AROUND {
-            let angle = std::f64::consts::TAU * (k as f64 + 2.0 * along) / AROUND as f64;
-            let ray = side * angle.cos() + other * angle.sin();
-            let off = |v: usize| {
-                let d = vertices[v] - centre;
-                let out = d.dot(ray);
-                if out > 0.0 { (d - ray * out).length() } else { f64::INFINITY }
-            };
-            let best = (0..vertices.len()).filter(|&v| own(v)).map(|v| (off(v), v)).min_by(|a, b| a.0.total_cmp(&b.0));
-            found.extend(best.filter(|best| best.0 < 0.2 * length).map(|best| best.1));
-        }
-    }
-    found
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -382,12 +325,10 @@ mod tests {
             warnings: Vec::new(),
         };
         let binding = guess(&motion, &mesh, Reference::Frame(0)).unwrap();
-        // The fit weighs shape, not single points: a marker finds its vertex or one next to it.
-        let reach = 0.03 * diagonal(&mesh.positions);
-        let off = |b: &&Bond| mesh.positions[chosen[b.point]].distance(mesh.positions[b.vertex as usize]);
-        let right = binding.bonds.iter().filter(|b| off(b) < reach).count();
+        // Markers lie on their vertices: each finds its own.
+        let right = binding.bonds.iter().filter(|b| chosen[b.point] == b.vertex as usize).count();
         assert!(right >= 36, "{right} of 40, rms {}", binding.rms());
-        assert!(binding.rms() < reach, "{}", binding.rms());
+        assert!(binding.rms() < 1e-6 * diagonal(&mesh.positions), "{}", binding.rms());
         // One marker far away and one without a name are left out.
         motion.frames[0][3] = Some(to_clip.apply(mesh.bounds().unwrap().1 * 1.5));
         motion.names[4] = "*4".into();

@@ -1,32 +1,43 @@
 //! Animation: a mesh set in motion by markers or joints (mean-value encoding, section 4.2).
 //!
-//! Clip → [`Binding`] (which point moves which vertex) → [`close_gaps`] → [`Binding::trajectories`] → [`crate::tools::deform::Deformer`], frame by frame,
-//! each begun from the one before.
+//! Clip → [`Binding`] (which point moves which vertex) → [`close_gaps`] → [`Binding::trajectories`] → [`crate::tools::deform::Deformer::play`].
 
 pub mod binding;
+mod bones;
+mod facing;
 pub mod frames;
 pub mod gaps;
 pub mod guess;
+mod settle;
 
 use glam::{DQuat, DVec3, Vec3};
 
-use crate::encoding::{HierarchyOptions, Quality, Similarity};
+use crate::encoding::{HierarchyOptions, Quality, SequenceQuality, Similarity};
 use crate::error::Result;
 use crate::geometry::Mesh;
 use crate::io::Cache;
 use crate::io::motion::Motion;
 use crate::progress::Progress;
-use crate::tools::deform::{Deformation, Deformer, Handles};
+use crate::tools::deform::{Deformer, Handles};
 
 pub use binding::{Binding, Bond, Reference, fullest_frame};
 pub use gaps::{GapOptions, GapReport, Interpolation, close_gaps};
 pub use guess::guess;
 
+/// How far the frames are minimised.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum FrameQuality {
+    /// As a sequence: the shape in the large is followed, the rest is made afresh for each frame. Tens of frames a second.
+    Sequence(SequenceQuality),
+    /// Each frame by itself, begun from the one before: a few frames a second.
+    Single(Quality),
+}
+
 /// How a clip is played on a mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AnimateOptions {
     /// How far each frame's minimisation goes.
-    pub quality: Quality,
+    pub quality: FrameQuality,
     /// How gaps are closed.
     pub gaps: GapOptions,
     /// Every so manieth frame is made, at least 1. Gaps are closed in all.
@@ -35,7 +46,7 @@ pub struct AnimateOptions {
 
 impl Default for AnimateOptions {
     fn default() -> Self {
-        Self { quality: Quality::DEFAULT, gaps: GapOptions::default(), step: 1 }
+        Self { quality: FrameQuality::Sequence(SequenceQuality::DEFAULT), gaps: GapOptions::default(), step: 1 }
     }
 }
 
@@ -44,15 +55,15 @@ impl Default for AnimateOptions {
 pub struct AnimateReport {
     /// Markers with gaps.
     pub gaps: Vec<GapReport>,
-    /// Gauss-Newton iterations of each frame.
-    pub iterations: Vec<usize>,
+    /// Frames, counted from 0 among those made, to which the one before did not lead: the shape in the large was found anew, and the mesh may jump there.
+    pub found_anew: Vec<usize>,
     /// What is odd but no error.
     pub warnings: Vec<String>,
 }
 
 /// Plays `motion`, a part of the clip `bound` that `binding` was made with, on `mesh`; `frame` receives the frames in order and may end the work with an error.
 ///
-/// The first frame begins from the mesh at rest, each later one from the one before; equal positions of the markers give equal shapes, bit for bit.
+/// The first frame begins from the mesh at rest. Markers that stay where they were give the shape of the frame before, bit for bit.
 ///
 /// # Errors
 /// As [`close_gaps`], [`Binding::trajectories`] and [`Deformer`]; what `frame` returns.
@@ -65,7 +76,7 @@ pub fn animate(
     options: &AnimateOptions,
     cache: &Cache,
     progress: &dyn Progress,
-    mut frame: impl FnMut(usize, Deformation) -> Result<()>,
+    mut frame: impl FnMut(usize, Vec<DVec3>) -> Result<()>,
 ) -> Result<AnimateReport> {
     let (tracks, gaps) = close_gaps(motion, &binding.points(), &options.gaps)?;
     let targets = binding.trajectories(bound, motion, mesh, &tracks)?;
@@ -73,13 +84,22 @@ pub fn animate(
     let handles = Handles { vertices: binding.bonds.iter().map(|b| b.vertex).collect(), region: None };
     let mut deformer = Deformer::new(mesh, handles, &HierarchyOptions::default(), cache)?;
     let warnings = binding.warnings.iter().chain(&deformer.warnings).cloned().collect();
-    let mut report = AnimateReport { gaps, iterations: Vec::with_capacity(targets.len()), warnings };
+    let mut report = AnimateReport { gaps, found_anew: Vec::new(), warnings };
     progress.stage("frames", targets.len() as u64);
-    for (f, positions) in targets.iter().enumerate() {
-        let shape = deformer.deform(positions, &options.quality, f > 0)?;
-        report.iterations.push(shape.report.iterations());
-        frame(f, shape)?;
-        progress.advance(1);
+    match &options.quality {
+        FrameQuality::Sequence(quality) => deformer.play(&targets, quality, |f, played| {
+            if played.anew {
+                report.found_anew.push(f);
+            }
+            progress.advance(1);
+            frame(f, played.positions)
+        })?,
+        FrameQuality::Single(quality) => {
+            for (f, positions) in targets.iter().enumerate() {
+                frame(f, deformer.deform(positions, quality, f > 0)?.positions)?;
+                progress.advance(1);
+            }
+        }
     }
     Ok(report)
 }

@@ -6,11 +6,14 @@ mod followers;
 mod normals;
 mod request;
 
+use std::collections::BTreeMap;
+
 use glam::DVec3;
 
 use crate::encoding::measures::{Measures, measure};
 use crate::encoding::{
-    Connectivity, DecodeReport, Decoder, Hierarchy, HierarchyOptions, Quality, Similarity, V3, cache_key,
+    Connectivity, DecodeReport, Decoder, Frame, Hierarchy, HierarchyOptions, Quality, SequenceQuality, Similarity, V3,
+    cache_key,
 };
 use crate::engine::Engine;
 use crate::error::{Error, Result};
@@ -28,6 +31,24 @@ pub struct Deformation {
     pub positions: Vec<DVec3>,
     /// What the decoder did.
     pub report: DecodeReport,
+}
+
+/// A frame of [`Deformer::play`].
+#[derive(Clone, Debug)]
+pub struct PlayedFrame {
+    /// A position for every vertex of the mesh.
+    pub positions: Vec<DVec3>,
+    /// The frame before did not lead here (the handles jumped): the shape in the large was found anew.
+    pub anew: bool,
+}
+
+/// Handles at their places, and where the vertices begin.
+struct Posed {
+    targets: BTreeMap<u32, DVec3>,
+    held: Vec<V3<f64>>,
+    scale: f64,
+    /// Of each component.
+    starts: Vec<Similarity>,
 }
 
 /// Poses one mesh by one set of handles, frame after frame. Moving the handles never rebuilds anything.
@@ -119,6 +140,40 @@ impl Deformer {
     /// # Errors
     /// [`Error::Input`] for handles that contradict one another or all come to one place; [`Error::Numeric`] if no finite shape was found.
     pub fn deform(&mut self, positions: &[DVec3], quality: &Quality, warm: bool) -> Result<Deformation> {
+        let posed = self.posed(positions)?;
+        let component = self.components();
+        let start = |v: usize, p: V3<f64>| posed.starts[component[v] as usize].apply(DVec3::from(p)).to_array();
+        let (decoded, report) = self.decoder.decode(&posed.held, start, posed.scale, quality, warm)?;
+        Ok(Deformation { positions: self.place(&posed, &decoded), report })
+    }
+
+    /// Plays frames of handle positions, as [`Deformer::deform`] takes them, in order; `sink` receives each and may end the work with an error.
+    ///
+    /// Much cheaper than as many calls of [`Deformer::deform`], and smooth in time; see [`SequenceQuality`]. Handles that stay where they were give the
+    /// shape of the frame before, bit for bit; the number of threads changes nothing.
+    ///
+    /// # Errors
+    /// As [`Deformer::deform`]; what `sink` returns.
+    pub fn play(
+        &self,
+        frames: &[Vec<DVec3>],
+        quality: &SequenceQuality,
+        mut sink: impl FnMut(usize, PlayedFrame) -> Result<()>,
+    ) -> Result<()> {
+        let posed: Vec<Posed> = frames.iter().map(|f| self.posed(f)).collect::<Result<_>>()?;
+        let component = self.components();
+        let start = |f: usize, v: usize, p: V3<f64>| -> V3<f64> {
+            posed[f].starts[component[v] as usize].apply(DVec3::from(p)).to_array()
+        };
+        let list: Vec<Frame<'_>> = posed.iter().map(|p| Frame { held: &p.held, scale: p.scale }).collect();
+        self.decoder.play(&list, start, quality, |f, played| {
+            let positions = self.place(&posed[f], &played.positions);
+            sink(f, PlayedFrame { positions, anew: played.anew && f > 0 })
+        })
+    }
+
+    /// Handles at `positions`, as the decoder takes them.
+    fn posed(&self, positions: &[DVec3]) -> Result<Posed> {
         let targets = self.handles.targets(positions)?;
         let hierarchy = self.decoder.hierarchy();
         let held: Vec<V3<f64>> = hierarchy.order[..hierarchy.held]
@@ -126,21 +181,28 @@ impl Deformer {
             .map(|v| targets.get(v).map_or(self.rest[*v as usize], |p| ((*p - self.centre) / self.diagonal).to_array()))
             .collect();
         let (scale, starts) = self.starts(&held);
-        let component: Vec<u32> = hierarchy.order.iter().map(|&v| self.connectivity.component[v as usize]).collect();
-        let start = |v: usize, p: V3<f64>| starts[component[v] as usize].apply(DVec3::from(p)).to_array();
-        let (decoded, report) = self.decoder.decode(&held, start, scale, quality, warm)?;
+        Ok(Posed { targets, held, scale, starts })
+    }
+
+    /// Component of each number of the hierarchy.
+    fn components(&self) -> Vec<u32> {
+        self.decoder.hierarchy().order.iter().map(|&v| self.connectivity.component[v as usize]).collect()
+    }
+
+    /// Decoded positions in the mesh's units and order.
+    fn place(&self, posed: &Posed, decoded: &[V3<f64>]) -> Vec<DVec3> {
         let hierarchy = self.decoder.hierarchy();
         let mut result = self.original.clone();
         let back = |p: V3<f64>| DVec3::from(p) * self.diagonal + self.centre;
-        for (&v, &p) in hierarchy.order.iter().zip(&decoded) {
+        for (&v, &p) in hierarchy.order.iter().zip(decoded) {
             result[v as usize] = back(p);
         }
         for &v in &hierarchy.order[..hierarchy.held] {
             // Given positions come back as they were given.
-            result[v as usize] = targets.get(&v).copied().unwrap_or(self.original[v as usize]);
+            result[v as usize] = posed.targets.get(&v).copied().unwrap_or(self.original[v as usize]);
         }
-        self.followers.place(&self.rest, hierarchy, &decoded, |v, p| result[v as usize] = back(p));
-        Ok(Deformation { positions: result, report })
+        self.followers.place(&self.rest, hierarchy, decoded, |v, p| result[v as usize] = back(p));
+        result
     }
 
     /// Puts a result's positions into `mesh`, which is the one this deformer was made for, and turns its normals along.

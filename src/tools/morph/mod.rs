@@ -11,7 +11,7 @@ use crate::encoding::{
     Blend, Connectivity, DecodeReport, Decoder, Hierarchy, HierarchyOptions, Quality, Similarity, V3,
 };
 use crate::error::{Error, Result};
-use crate::geometry::Mesh;
+use crate::geometry::{Mesh, NONE};
 
 use anchors::Anchors;
 
@@ -154,6 +154,26 @@ impl Morpher {
     /// # Errors
     /// As [`Morpher::shape`].
     pub fn masked(&mut self, weights: &[f64], quality: &Quality) -> Result<(Vec<DVec3>, DecodeReport)> {
+        let mut result = None;
+        self.toward_mask(weights, &[1.0], quality, |_, shape, report| {
+            result = Some((shape, report));
+            Ok(())
+        })?;
+        result.ok_or_else(|| Error::numeric("the march to the mask made no shape", "Use fewer meshes"))
+    }
+
+    /// Shapes on the way from the mesh that rules at the anchors to the one [`Morpher::masked`] makes: at each of `times`, which ascend from 0 to 1, the
+    /// vertices have that share of their mask. `sink` receives them in order and may end the work with an error.
+    ///
+    /// # Errors
+    /// As [`Morpher::shape`]; what `sink` returns.
+    pub fn toward_mask(
+        &mut self,
+        weights: &[f64],
+        times: &[f64],
+        quality: &Quality,
+        mut sink: impl FnMut(usize, Vec<DVec3>, DecodeReport) -> Result<()>,
+    ) -> Result<()> {
         let k = self.shapes.len();
         let n = self.originals[0].len();
         if weights.len() != k * n {
@@ -172,21 +192,34 @@ impl Morpher {
         // From the shape that rules at the anchors, in steps.
         let corner = (0..k).fold(0, |b, i| if mean[i] > mean[b] { i } else { b });
         self.decoder.set_last(Some(self.shapes[corner].clone()));
-        let steps = (1.0 / STEP) as usize;
-        let mut result = (Vec::new(), DecodeReport::default());
-        for step in 1..=steps {
-            let s = step as f64 / steps as f64;
-            let toward =
-                |i: usize, w: f64| if step == steps { w } else { s * w + if i == corner { 1.0 - s } else { 0.0 } };
-            let here: Vec<f64> = numbered.iter().enumerate().map(|(i, &w)| toward(i % k, w)).collect();
-            let at: Vec<f64> = mean.iter().enumerate().map(|(i, &w)| toward(i, w)).collect();
-            let blend = &self.blend;
-            self.decoder.change_encoding(|h| blend.write(h, |v| &here[v as usize * k..][..k]));
-            result = self.solve(&at, quality)?;
-        }
         // The next call of `shape` begins at an input.
         self.weights = vec![f64::INFINITY; k];
-        Ok((self.place(&result.0, |v| &weights[v * k..][..k]), result.1))
+        let mut before = 0.0;
+        for (f, &time) in times.iter().enumerate() {
+            let steps = ((time - before) / STEP).ceil().max(1.0) as usize;
+            let mut last = (Vec::new(), DecodeReport::default());
+            let mut here = Vec::new();
+            for step in 1..=steps {
+                let s = if step == steps { time } else { before + (time - before) * step as f64 / steps as f64 };
+                let toward = |i: usize, w: f64| {
+                    if s == 1.0 { w } else { s * w + if i == corner { 1.0 - s } else { 0.0 } }
+                };
+                here = numbered.iter().enumerate().map(|(i, &w)| toward(i % k, w)).collect();
+                let at: Vec<f64> = mean.iter().enumerate().map(|(i, &w)| toward(i, w)).collect();
+                let blend = &self.blend;
+                self.decoder.change_encoding(|h| blend.write(h, |v| &here[v as usize * k..][..k]));
+                last = self.solve(&at, quality)?;
+            }
+            before = time;
+            let numbers = self.decoder.hierarchy().numbers(n);
+            let weight = |v: usize| match numbers[v] {
+                NONE => &weights[v * k..][..k],
+                number => &here[number as usize * k..][..k],
+            };
+            let shape = self.place(&last.0, weight);
+            sink(f, shape, last.1)?;
+        }
+        Ok(())
     }
 
     fn check(&self, weights: &[f64]) -> Result<()> {

@@ -100,6 +100,20 @@ fn a_full_twist_is_better_than_a_blend_of_positions() {
 }
 
 #[test]
+fn turns_beyond_a_whole_one_go_by_a_key() {
+    // Straight, twisted by 270 degrees, by 540: each part turns by 270.
+    let keys = [twisted(0.0), twisted(270.0), twisted(540.0)];
+    let borrowed: Vec<&Mesh> = keys.iter().collect();
+    let mut morpher = Morpher::new(&borrowed, None, &Default::default()).unwrap();
+    for (weights, degrees) in [([0.5, 0.5, 0.0], 135.0), ([0.0, 1.0, 0.0], 270.0), ([0.0, 0.5, 0.5], 405.0)] {
+        let (shape, _) = morpher.shape(&weights, &QUALITY).unwrap();
+        let off = distance(&shape, &twisted(degrees));
+        println!("{degrees}: {off}");
+        assert!(off < 0.05, "{degrees}: {off}");
+    }
+}
+
+#[test]
 fn masks_and_several_shapes() {
     let shapes = [lobed_sphere(3, 0.1), lobed_sphere(3, 0.3), lobed_sphere(3, 0.5)];
     let borrowed: Vec<&Mesh> = shapes.iter().collect();

@@ -8,7 +8,7 @@ use glam::{DQuat, DVec3};
 use super::deformer;
 use super::tube::{Pose, Tube};
 
-/// G where Gauss-Newton on the whole mesh ends, from the given shape and to the last digits.
+/// G where Gauss-Newton on the whole mesh ends, from the given shape, by direct solves and to the last digits.
 fn optimum(tube: &Tube, handles: &[u32], shape: &[DVec3]) -> f64 {
     let connectivity = Connectivity::new(&tube.mesh);
     let rest: Vec<V3<f64>> = tube.mesh.positions.iter().map(|p| p.to_array()).collect();
@@ -17,7 +17,7 @@ fn optimum(tube: &Tube, handles: &[u32], shape: &[DVec3]) -> f64 {
     let options = HierarchyOptions { stages: Vec::new() };
     let hierarchy = Hierarchy::new(&connectivity, &rest, &held, &options).unwrap();
     let mut x: Vec<V3<f64>> = hierarchy.order.iter().map(|&v| shape[v as usize].to_array()).collect();
-    let tight = Quality { decrease: 1e-10, direct_iterations: 200, ..Quality::CONVERGED };
+    let tight = Quality { direct: 100_000, decrease: 1e-7, direct_iterations: 60, ..Quality::CONVERGED };
     Decoder::new(hierarchy, &rest).refine(&mut x, 1.0, &tight).unwrap().after
 }
 
@@ -35,9 +35,7 @@ fn the_small_tube_reaches_the_minimum() {
             assert!(m.g <= 1.05 * best && m.g <= limit, "{pose:?}: {} for {best}", m.g);
             let default = deformer.deform(&targets, &Quality::DEFAULT, false).unwrap();
             assert!(deformer.measures(&default.positions).g <= 1.5 * best, "{pose:?}");
-            if !matches!(pose, Pose::Twist(180.0)) {
-                assert_eq!(m.flipped, 0, "{pose:?}");
-            }
+            assert_eq!(m.flipped, 0, "{pose:?}");
             for (&v, t) in handles.iter().zip(&targets) {
                 assert_eq!(converged.positions[v as usize], *t);
             }
@@ -58,6 +56,31 @@ fn the_medium_tube_is_better_than_every_peer() {
 }
 
 #[test]
+fn the_medium_tube_reaches_the_minimum() {
+    let tube = Tube::medium();
+    for (handles, pose) in [(tube.caps(), Pose::Twist(90.0)), (tube.points(), Pose::Bend(120.0))] {
+        let mut deformer = deformer(&tube.mesh, &handles);
+        let converged = deformer.deform(&tube.targets(&handles, pose), &Quality::CONVERGED, false).unwrap();
+        let m = deformer.measures(&converged.positions);
+        let best = optimum(&tube, &handles, &converged.positions);
+        println!("{} handles, {pose:?}: optimum {best:.3e}, {m:?}", handles.len());
+        assert!(m.g <= 1.05 * best && m.flipped == 0, "{pose:?}: {} for {best}", m.g);
+    }
+}
+
+#[test]
+fn the_large_tube_comes_near_the_minimum_by_default() {
+    let tube = Tube::large();
+    let handles = tube.caps();
+    let mut deformer = deformer(&tube.mesh, &handles);
+    let result = deformer.deform(&tube.targets(&handles, Pose::Twist(90.0)), &Quality::DEFAULT, false).unwrap();
+    let m = deformer.measures(&result.positions);
+    let best = optimum(&tube, &handles, &result.positions);
+    println!("optimum {best:.3e}, {m:?}");
+    assert!(m.g <= 1.5 * best && m.flipped == 0, "{} for {best}", m.g);
+}
+
+#[test]
 fn stiffness_keeps_what_plain_encoding_pinches() {
     let tube = Tube::small();
     let handles = tube.caps();
@@ -71,7 +94,7 @@ fn stiffness_keeps_what_plain_encoding_pinches() {
     let (plain, stiff) = (measure(0.0), measure(1.0));
     println!("{plain:?}\n{stiff:?}");
     assert!(stiff.volume_ratio > plain.volume_ratio + 0.08, "{stiff:?}");
-    assert!(stiff.edge_rms < 0.6 * plain.edge_rms && stiff.flipped == 0, "{stiff:?}");
+    assert!(stiff.edge_rms < 0.65 * plain.edge_rms && stiff.flipped == 0 && plain.flipped == 0, "{stiff:?}");
 }
 
 /// The surface of a slab of cubes with two holes, smoothed: genus 2, long along x.

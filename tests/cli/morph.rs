@@ -1,0 +1,127 @@
+//! `barymap morph` end to end: folders, animations, masks.
+
+use barymap::geometry::Mesh;
+use barymap::io::{read_mesh, write_obj, write_ply};
+use barymap::models::shapes::uv_sphere;
+use glam::DVec3;
+
+use crate::support::Folder;
+
+/// `a.obj`, a ball, and `b.obj`, the ball with a rippled surface.
+fn balls() -> (Folder, Mesh, Mesh) {
+    let folder = Folder::empty();
+    let a = uv_sphere(1.0, 32, 20);
+    let mut b = a.clone();
+    for p in &mut b.positions {
+        *p *= 1.0 + 0.12 * (9.0 * p.y).sin();
+    }
+    write_obj(&a, folder.path("a.obj")).unwrap();
+    write_obj(&b, folder.path("b.obj")).unwrap();
+    (folder, a, b)
+}
+
+fn distance(a: &[DVec3], b: &[DVec3]) -> f64 {
+    a.iter().zip(b).map(|(p, q)| p.distance(*q)).fold(0.0, f64::max)
+}
+
+/// The largest distance of a point of `a` from the nearest one of `b`.
+fn farthest(a: &[DVec3], b: &[DVec3]) -> f64 {
+    a.iter().map(|p| b.iter().map(|q| p.distance(*q)).fold(f64::INFINITY, f64::min)).fold(0.0, f64::max)
+}
+
+#[test]
+fn a_glb_holds_a_target_for_every_frame_and_an_animation() {
+    let (f, a, b) = balls();
+    f.run("morph a.obj b.obj -o m.glb --frames 5 --seconds 3 --report r.json").succeeds();
+    let (document, buffers, _) = gltf::import(f.path("m.glb")).unwrap();
+    let mesh = document.meshes().next().unwrap();
+    let primitive = mesh.primitives().next().unwrap();
+    let reader = primitive.reader(|buffer| Some(&buffers[buffer.index()]));
+    // Vertices at the seams of the texture come twice.
+    assert!(reader.read_positions().unwrap().count() >= a.vertex_count());
+    assert_eq!(primitive.morph_targets().count(), 5);
+    let animation = document.animations().next().unwrap();
+    let channel = animation.channels().next().unwrap();
+    let times: Vec<f32> = channel.reader(|buffer| Some(&buffers[buffer.index()])).read_inputs().unwrap().collect();
+    assert_eq!((times[0], times[times.len() - 1]), (0.0, 3.0));
+    // The last target moves the first mesh to the last one.
+    let base: Vec<DVec3> = reader.read_positions().unwrap().map(|p| glam::Vec3::from(p).as_dvec3()).collect();
+    let (moved, _, _) = reader.read_morph_targets().last().unwrap();
+    let last: Vec<DVec3> = moved.unwrap().zip(&base).map(|(d, p)| *p + glam::Vec3::from(d).as_dvec3()).collect();
+    assert!(farthest(&base, &a.positions) < 1e-6 && farthest(&last, &b.positions) < 1e-5);
+    assert!(farthest(&base, &b.positions) > 0.05);
+    assert_eq!(f.json("r.json")["frames"].as_array().unwrap().len(), 5);
+    // One blend alone: a mesh without an animation.
+    f.run("morph a.obj b.obj -o one.glb --weights 0,1").succeeds();
+    let (document, _, _) = gltf::import(f.path("one.glb")).unwrap();
+    assert_eq!(document.animations().count(), 0);
+    f.run("morph a.obj b.obj -o one.obj --weights 0,1").succeeds();
+    assert!(distance(&read_mesh(f.path("one.obj")).unwrap().mesh.positions, &b.positions) < 1e-9);
+}
+
+#[test]
+fn a_mask_pastes_the_detail_of_one_mesh_onto_another() {
+    let (f, a, b) = balls();
+    let share = |p: &DVec3| (0.5 + 3.0 * p.y).clamp(0.0, 1.0);
+    let lines: Vec<String> = a.positions.iter().map(|p| share(p).to_string()).collect();
+    f.write("mask.txt", &lines.join("\n"));
+    f.run("morph a.obj b.obj -o pasted.obj --mask mask.txt").succeeds();
+    let pasted = read_mesh(f.path("pasted.obj")).unwrap().mesh.positions;
+    // Below it is the ball, above it is rippled, each in its own shape; what joins them may move and turn the parts a little.
+    let fitted = |of: &dyn Fn(&DVec3) -> bool, like: &Mesh| {
+        let pairs: Vec<(DVec3, DVec3)> =
+            (0..pasted.len()).filter(|&v| of(&a.positions[v])).map(|v| (like.positions[v], pasted[v])).collect();
+        let fit = barymap::encoding::Similarity::fit(&pairs);
+        pairs.iter().map(|(p, q)| fit.apply(*p).distance(*q)).fold(0.0, f64::max)
+    };
+    let (low, high) = (|p: &DVec3| p.y < -0.3, |p: &DVec3| p.y > 0.3);
+    assert!(fitted(&low, &a) < 0.03, "{}", fitted(&low, &a));
+    assert!(fitted(&high, &b) < 0.04, "{}", fitted(&high, &b));
+    assert!(fitted(&high, &a) > 0.05, "the bounds tell the shapes apart: {}", fitted(&high, &a));
+    // Painted white on the mesh it says the same; with frames the way there is shown.
+    let paint: Vec<[u8; 3]> = a.positions.iter().map(|p| [(share(p) * 255.0).round() as u8; 3]).collect();
+    write_ply(&a, Some(&paint), f.path("mask.ply")).unwrap();
+    f.run("morph a.obj b.obj -o way --mask mask.ply --frames 3 --format ply").succeeds();
+    let frame = |k: usize| read_mesh(f.path(&format!("way/frame_000{k}.ply"))).unwrap().mesh.positions;
+    assert!(distance(&frame(0), &a.positions) < 1e-6);
+    assert!(distance(&frame(2), &pasted) < 0.01, "{}", distance(&frame(2), &pasted));
+}
+
+#[test]
+fn three_meshes_are_passed_through() {
+    let (f, a, b) = balls();
+    let mut c = a.clone();
+    c.positions.iter_mut().for_each(|p| p.y *= 1.5);
+    let count = c.vertex_count();
+    write_obj(&c, f.path("c.obj")).unwrap();
+    f.run("morph a.obj b.obj c.obj -o out --frames 3").succeeds();
+    for (k, mesh) in [a, b, c].iter().enumerate() {
+        let shape = read_mesh(f.path(&format!("out/frame_000{k}.obj"))).unwrap().mesh.positions;
+        assert!(distance(&shape, &mesh.positions) < 1e-9, "{k}");
+    }
+    // Shares of the second and the third mesh, line by line.
+    f.write("mask.txt", &vec!["0.25 0.5"; count].join("\n"));
+    f.run("morph a.obj b.obj c.obj -o third.ply --mask mask.txt").succeeds();
+    f.run("morph a.obj b.obj c.obj -o same.ply --weights 0.25,0.25,0.5").succeeds();
+    let [third, same] = ["third.ply", "same.ply"].map(|name| read_mesh(f.path(name)).unwrap().mesh.positions);
+    assert!(distance(&third, &same) < 1e-3, "{}", distance(&third, &same));
+}
+
+#[test]
+fn masks_and_outputs_that_do_not_fit_are_told() {
+    let (f, a, _) = balls();
+    let n = a.vertex_count();
+    f.write("short.txt", "0\n1\n");
+    f.write("range.txt", &vec!["2"; n].join("\n"));
+    f.write("words.txt", "white\n");
+    f.run("morph a.obj b.obj -o out.obj --mask short.txt").fails(1, &["short.txt", "2 vertices"]);
+    f.run("morph a.obj b.obj -o out.obj --mask range.txt").fails(1, &["range.txt", "vertex 0"]);
+    f.run("morph a.obj b.obj -o out.obj --mask words.txt").fails(1, &["words.txt", "line 1"]);
+    f.run("morph a.obj b.obj -o out.obj --mask a.obj").fails(1, &["a.obj"]);
+    f.run("morph a.obj b.obj -o none/out.glb").fails(1, &["none"]);
+    assert_eq!(f.run("morph a.obj b.obj -o out --mask short.txt --weights 0.5,0.5").code, Some(2));
+    f.run("morph a.obj b.obj -o out.glb --seconds 0").fails(2, &["seconds"]);
+    f.write("anchors.txt", "99999\n");
+    f.run("morph a.obj b.obj -o out.glb --anchors anchors.txt").fails(1, &["99999"]);
+    assert!(!f.path("out.obj").exists() && !f.path("out.glb").exists() && !f.path("out").exists());
+}
