@@ -1,5 +1,5 @@
 // The colours of output pixels, gathered from windows of a picture's pyramid at their pre-images. The CPU reference and all
-// explanations stand at tools::warp::gather, filter and ewa. One invocation a pixel.
+// explanations stand at tools::warp::gather, interpolate, filter and ewa. One invocation a pixel.
 
 //#import lib/span
 
@@ -7,7 +7,7 @@
 override FILTER: u32 = 2u;
 
 const MOST_LEVELS: u32 = 32u;
-// tools::warp::gather
+// tools::warp::footprint
 const FARTHEST: f32 = 4194304.0;
 // tools::warp::ewa
 const VARIANCE: f32 = 0.225;

@@ -11,6 +11,11 @@ const AT_VERTEX: f32 = 1e-30;
 // Stands in for an area that is zero, so that a weight it divides is a number yet.
 const ON_EDGE: f32 = 1e-18;
 
+// Whether terms are added up by blocks before they are added to the rest, as many vertices need; mean_value::BLOCK. Software devices
+// pay for every loop around a loop.
+override BLOCKED: bool = false;
+const BLOCK: u32 = 32u;
+
 // No edge.
 const NONE: u32 = 0xffffffffu;
 
@@ -179,6 +184,50 @@ fn add_vertex(sums: ptr<function, Sums>, found: Scan, scale: vec4f, vertex: vec4
     (*sums).yy += uy * gy;
 }
 
+fn join_block(sums: ptr<function, Sums>, block: ptr<function, Sums>) {
+    (*sums).weight += (*block).weight;
+    (*sums).moment_x += (*block).moment_x;
+    (*sums).moment_y += (*block).moment_y;
+    (*sums).moved_x += (*block).moved_x;
+    (*sums).moved_y += (*block).moved_y;
+    (*sums).weight_x += (*block).weight_x;
+    (*sums).weight_y += (*block).weight_y;
+    (*sums).xx += (*block).xx;
+    (*sums).xy += (*block).xy;
+    (*sums).yx += (*block).yx;
+    (*sums).yy += (*block).yy;
+}
+
+// The vertex that comes next along a loop, and the half edge to it.
+struct Walk {
+    here: vec4f,
+    ray: Ray,
+    before: Half,
+}
+
+// Adds the vertices from `first` to below `end` of a loop.
+fn add_vertices(
+    sums: ptr<function, Sums>,
+    walk: ptr<function, Walk>,
+    found: Scan,
+    scale: vec4f,
+    px: vec4f,
+    py: vec4f,
+    range: vec2u,
+    first: u32,
+    end: u32,
+) {
+    for (var i = first; i < end; i++) {
+        let there = corner(select(i + 1u, range.x, i + 1u == range.y));
+        let b = ray(there.x - px, there.y - py);
+        let after = half_edge(found, i, (*walk).ray, b, there.xy - (*walk).here.xy);
+        add_vertex(sums, found, scale, (*walk).here, (*walk).ray, (*walk).before, after);
+        (*walk).here = there;
+        (*walk).ray = b;
+        (*walk).before = after;
+    }
+}
+
 fn mean_value(found: Scan, px: vec4f, py: vec4f, loops: u32, far: f32) -> Sums {
     var sums: Sums;
     let scale = sqrt(found.square);
@@ -187,20 +236,20 @@ fn mean_value(found: Scan, px: vec4f, py: vec4f, loops: u32, far: f32) -> Sums {
         // The first vertex of a loop waits for its last edge.
         let first = corner(range.x);
         let first_ray = ray(first.x - px, first.y - py);
-        var here = corner(range.x + 1u);
-        var a = ray(here.x - px, here.y - py);
+        let here = corner(range.x + 1u);
+        let a = ray(here.x - px, here.y - py);
         let leaving = half_edge(found, range.x, first_ray, a, here.xy - first.xy);
-        var before = leaving;
-        for (var i = range.x + 1u; i < range.y; i++) {
-            let there = corner(select(i + 1u, range.x, i + 1u == range.y));
-            let b = ray(there.x - px, there.y - py);
-            let after = half_edge(found, i, a, b, there.xy - here.xy);
-            add_vertex(&sums, found, scale, here, a, before, after);
-            here = there;
-            a = b;
-            before = after;
+        var walk = Walk(here, a, leaving);
+        if BLOCKED {
+            for (var start = range.x + 1u; start < range.y; start += BLOCK) {
+                var block = Sums();
+                add_vertices(&block, &walk, found, scale, px, py, range, start, min(start + BLOCK, range.y));
+                join_block(&sums, &block);
+            }
+        } else {
+            add_vertices(&sums, &walk, found, scale, px, py, range, range.x + 1u, range.y);
         }
-        add_vertex(&sums, found, scale, first, first_ray, before, leaving);
+        add_vertex(&sums, found, scale, first, first_ray, walk.before, leaving);
     }
     // Far away the sum of the weights is taken from their moment, which cancels less.
     let square = px * px + py * py;
@@ -242,13 +291,53 @@ fn half_tangent(a: Ray, b: Ray, edge: vec2f) -> vec4f {
     return select(size, sum, obtuse) / select(sum, below, obtuse);
 }
 
+// Weight, moment and displacement.
+struct MapSums {
+    weight: vec4f,
+    moment_x: vec4f,
+    moment_y: vec4f,
+    moved_x: vec4f,
+    moved_y: vec4f,
+}
+
+// The vertex that comes next along a loop, and t of the edge to it.
+struct MapWalk {
+    here: vec4f,
+    ray: Ray,
+    before: vec4f,
+}
+
+// Adds the vertices from `first` to below `end` of a loop.
+fn add_map_vertices(
+    sums: ptr<function, MapSums>,
+    walk: ptr<function, MapWalk>,
+    base_x: vec4f,
+    base_y: vec4f,
+    px: vec4f,
+    py: vec4f,
+    range: vec2u,
+    first: u32,
+    end: u32,
+) {
+    for (var i = first; i < end; i++) {
+        let here = (*walk).here;
+        let there = corner(select(i + 1u, range.x, i + 1u == range.y));
+        let b = ray(there.x - px, there.y - py);
+        let after = half_tangent((*walk).ray, b, there.xy - here.xy);
+        let w = ((*walk).before + after) * (*walk).ray.inverse;
+        (*sums).weight += w;
+        (*sums).moment_x += w * here.x;
+        (*sums).moment_y += w * here.y;
+        (*sums).moved_x += w * (here.z - base_x);
+        (*sums).moved_y += w * (here.w - base_y);
+        (*walk).here = there;
+        (*walk).ray = b;
+        (*walk).before = after;
+    }
+}
+
 // Without derivatives nothing has to be scaled, for coordinates are ratios of the weights.
 fn mean_value_map(px: vec4f, py: vec4f, loops: u32, far: f32) -> Moved {
-    var weight = vec4f(0.0);
-    var moment_x = vec4f(0.0);
-    var moment_y = vec4f(0.0);
-    var moved_x = vec4f(0.0);
-    var moved_y = vec4f(0.0);
     // Displacements relative to that of the nearest vertex, as the other form has them.
     var nearest = vec4u(0u);
     var least = vec4f(1e30);
@@ -270,31 +359,31 @@ fn mean_value_map(px: vec4f, py: vec4f, loops: u32, far: f32) -> Moved {
     let qw = corner(nearest.w);
     let base_x = vec4f(qx.z, qy.z, qz.z, qw.z);
     let base_y = vec4f(qx.w, qy.w, qz.w, qw.w);
+    var sums: MapSums;
     for (var l = 0u; l < loops; l++) {
         let range = ring(l);
-        var here = corner(range.y - 1u);
-        var there = corner(range.x);
-        var a = ray(here.x - px, here.y - py);
-        var b = ray(there.x - px, there.y - py);
-        var before = half_tangent(a, b, there.xy - here.xy);
-        for (var i = range.x; i < range.y; i++) {
-            here = there;
-            a = b;
-            there = corner(select(i + 1u, range.x, i + 1u == range.y));
-            b = ray(there.x - px, there.y - py);
-            let after = half_tangent(a, b, there.xy - here.xy);
-            let w = (before + after) * a.inverse;
-            weight += w;
-            moment_x += w * here.x;
-            moment_y += w * here.y;
-            moved_x += w * (here.z - base_x);
-            moved_y += w * (here.w - base_y);
-            before = after;
+        let last = corner(range.y - 1u);
+        let first = corner(range.x);
+        let a = ray(last.x - px, last.y - py);
+        let b = ray(first.x - px, first.y - py);
+        var walk = MapWalk(first, b, half_tangent(a, b, first.xy - last.xy));
+        if BLOCKED {
+            for (var start = range.x; start < range.y; start += BLOCK) {
+                var block = MapSums();
+                add_map_vertices(&block, &walk, base_x, base_y, px, py, range, start, min(start + BLOCK, range.y));
+                sums.weight += block.weight;
+                sums.moment_x += block.moment_x;
+                sums.moment_y += block.moment_y;
+                sums.moved_x += block.moved_x;
+                sums.moved_y += block.moved_y;
+            }
+        } else {
+            add_map_vertices(&sums, &walk, base_x, base_y, px, py, range, range.x, range.y);
         }
     }
     let square = px * px + py * py;
     let away = square > vec4f(far);
-    let moment = moment_x * px + moment_y * py;
-    let inverse = select(vec4f(1.0), square, away) / select(weight, moment, away);
-    return Moved(base_x + moved_x * inverse, base_y + moved_y * inverse, nearest, least);
+    let moment = sums.moment_x * px + sums.moment_y * py;
+    let inverse = select(vec4f(1.0), square, away) / select(sums.weight, moment, away);
+    return Moved(base_x + sums.moved_x * inverse, base_y + sums.moved_y * inverse, nearest, least);
 }

@@ -3,11 +3,13 @@
 use std::time::Instant;
 
 use super::decode::split_level;
+use super::gpu::DeviceStages;
 use super::hierarchy::Stage;
 use super::solver::{Method, Solved, StageSolver, Stop};
 use super::springs::{Springs, slot_lengths};
 use super::sweeps::gauss_seidel;
 use super::{Hierarchy, V3};
+use crate::engine::Engine;
 use crate::error::{Error, Result};
 
 /// How far the minimisation goes.
@@ -66,6 +68,8 @@ pub struct LevelReport {
     pub after: f64,
     /// Seconds of this stage.
     pub seconds: f64,
+    /// Whether a device minimised, in single precision.
+    pub on_device: bool,
 }
 
 impl LevelReport {
@@ -77,6 +81,7 @@ impl LevelReport {
             before: solved.before,
             after: solved.after,
             seconds: clock.elapsed().as_secs_f64(),
+            on_device: false,
         }
     }
 }
@@ -113,6 +118,7 @@ pub struct Decoder {
     changed: bool,
     /// Lengths of the slots' edges for the stiffness, a list a stage; empty for those at rest.
     lengths: Vec<Vec<f64>>,
+    device: Option<DeviceStages>,
 }
 
 impl Decoder {
@@ -120,7 +126,19 @@ impl Decoder {
     pub fn new(hierarchy: Hierarchy, rest: &[V3<f64>]) -> Self {
         let rest = hierarchy.order.iter().map(|&v| rest[v as usize]).collect();
         let solvers = hierarchy.stages.iter().map(|_| StageSolver::default()).collect();
-        Self { hierarchy, rest, solvers, last: None, changed: false, lengths: Vec::new() }
+        Self { hierarchy, rest, solvers, last: None, changed: false, lengths: Vec::new(), device: None }
+    }
+
+    /// Does on the device of `engine`, if it has one, what it is made for: splits, and stages solved by conjugate gradients, in single
+    /// precision. Coarse stages are solved on the CPU, as are all with a stiffness; so is what the device cannot hold
+    /// ([`DeviceStages::notes`]).
+    pub fn decode_on(&mut self, engine: &Engine) {
+        self.device = DeviceStages::new(engine);
+    }
+
+    /// What is done on a device, if one is in use.
+    pub fn device(&self) -> Option<&DeviceStages> {
+        self.device.as_ref()
     }
 
     /// The hierarchy.
@@ -145,6 +163,9 @@ impl Decoder {
         self.lengths = change(&mut self.hierarchy);
         self.lengths.resize(if self.lengths.is_empty() { 0 } else { self.hierarchy.stages.len() }, Vec::new());
         self.changed = true;
+        if let Some(device) = &mut self.device {
+            device.forget();
+        }
     }
 
     /// Positions of all vertices (in the hierarchy's numbering) for given positions of the held ones (in its order).
@@ -178,20 +199,23 @@ impl Decoder {
             positions[v] = start(v, self.rest[v]);
         }
         let mut report = DecodeReport::default();
+        // Stages before this one have their splits.
+        let mut placed = 0;
         for (k, stage) in h.stages.iter().enumerate() {
             let clock = Instant::now();
             let free = stage.vertices - h.held;
-            let method =
-                if free <= quality.direct { Method::Direct } else { Method::Gradients(quality.gradient_steps) };
+            let method = method(free, quality);
             match &last {
                 Some(last) if method == Method::Direct => {
                     positions[h.held..stage.vertices].copy_from_slice(&last[h.held..stage.vertices]);
                 }
+                _ if k < placed => {}
                 _ => {
-                    for level in stage.levels.clone() {
-                        let rows = h.level_start[level] as usize..h.level_start[level + 1] as usize;
-                        split_level(&h.splits, &h.split_encoding, rows, &mut positions);
-                    }
+                    let pause = h.stages[k..].iter().position(|s| pauses(s.vertices - h.held, quality));
+                    placed = pause.map_or(h.stages.len(), |p| k + p + 1);
+                    let levels = stage.levels.start..h.stages[placed - 1].levels.end;
+                    let device = self.device.as_mut().filter(|_| method != Method::Direct);
+                    split(device, h, levels, &mut positions)?;
                 }
             }
             let stop = stop(method, quality);
@@ -206,17 +230,21 @@ impl Decoder {
                         .iterations;
                 }
                 let springs = springs(stage, self.lengths.get(k), &self.rest, scale, quality.stiffness);
-                let mut solved = self.solvers[k].minimise(
-                    &stage.stencils,
-                    &stage.encoding,
-                    springs.as_ref(),
-                    h.held,
-                    method,
-                    stop,
-                    &mut positions[..stage.vertices],
-                )?;
+                let positions = &mut positions[..stage.vertices];
+                let done = match (&mut self.device, method, &springs) {
+                    (Some(device), Method::Gradients(steps), None) => device.minimise(h, k, steps, stop, positions)?,
+                    _ => None,
+                };
+                let on_device = done.is_some();
+                let mut solved = match done {
+                    Some(solved) => solved,
+                    None => {
+                        let (s, e) = (&stage.stencils, &stage.encoding);
+                        self.solvers[k].minimise(s, e, springs.as_ref(), h.held, method, stop, positions)?
+                    }
+                };
                 solved.iterations += started;
-                report.levels.push(LevelReport::new(free, &solved, clock));
+                report.levels.push(LevelReport { on_device, ..LevelReport::new(free, &solved, clock) });
             }
             if k + 1 == h.stages.len() && quality.sweeps > 0 {
                 gauss_seidel(&stage.stencils, &stage.encoding, h.held, quality.sweeps, &mut positions);
@@ -268,6 +296,30 @@ impl Decoder {
             solver.minimise(&stage.stencils, &stage.encoding, springs.as_ref(), h.held, method, stop, positions)?;
         Ok(LevelReport::new(free, &solved, clock))
     }
+}
+
+/// Splits of some levels, on the device if one is in use and can hold them.
+fn split(
+    device: Option<&mut DeviceStages>,
+    h: &Hierarchy,
+    levels: std::ops::Range<usize>,
+    positions: &mut [V3<f64>],
+) -> Result<()> {
+    if let Some(device) = device
+        && device.split(h, levels.clone(), positions)?
+    {
+        return Ok(());
+    }
+    for level in levels {
+        let rows = h.level_start[level] as usize..h.level_start[level + 1] as usize;
+        split_level(&h.splits, &h.split_encoding, rows, positions);
+    }
+    Ok(())
+}
+
+/// Whether a stage with so many free vertices is minimised, so that splits of finer ones must wait for it.
+fn pauses(free: usize, quality: &Quality) -> bool {
+    stop(method(free, quality), quality).iterations > 0
 }
 
 /// The springs of a stage: over the lengths given for it, else over those at rest times the scale.

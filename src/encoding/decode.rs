@@ -68,7 +68,7 @@ impl<R: Real> Frame<R> {
 
 /// F of one ring (equation 13), in the form q + (sum w b d) n with q = sum w v and d the distance of q to a neighbour in the ring's plane.
 #[inline(always)]
-pub(crate) fn ring_value<R: Real>(positions: &[V3<R>], ring: &[u32], w: &[R], b: &[R]) -> V3<R> {
+pub fn ring_value<R: Real>(positions: &[V3<R>], ring: &[u32], w: &[R], b: &[R]) -> V3<R> {
     let frame = Frame::new(positions, ring, w);
     let origin = positions[ring[0] as usize];
     let mut s = R::ZERO;

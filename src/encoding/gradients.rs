@@ -3,9 +3,10 @@
 use rayon::prelude::*;
 
 use super::decode::BLOCK;
+use super::derivative::{Linearisation, blocks};
 use super::springs::Stretch;
 use super::vector::{add_scaled, dot, sub};
-use super::{Stencils, V3};
+use super::{Encoding, Stencils, V3};
 use crate::engine::Real;
 use crate::geometry::NONE;
 
@@ -58,13 +59,45 @@ fn minus_transposed<R: Real>(a: V3<R>, b: &[R; 9], x: V3<R>) -> V3<R> {
 }
 
 /// Sum of products, in blocks: the same for any number of threads. CPU reference of the kernel `dot`.
-pub(super) fn dot_product<R: Real>(a: &[V3<R>], b: &[V3<R>]) -> f64 {
+pub fn dot_product<R: Real>(a: &[V3<R>], b: &[V3<R>]) -> f64 {
     let blocks: Vec<f64> = a
         .par_chunks(BLOCK)
         .zip(b.par_chunks(BLOCK))
         .map(|(a, b)| a.iter().zip(b).map(|(&a, &b)| dot(a, b).to_f64()).sum())
         .collect();
     blocks.iter().sum()
+}
+
+/// One over the diagonal of (I - dF)ᵀ(I - dF) and of the springs, if there are any; zero for held vertices.
+fn inverse_diagonal(stencils: &Stencils, blocks: &[[f64; 9]], springs: &[Stretch], held: usize) -> Vec<V3<f64>> {
+    let mut inverse = vec![[0.0; 3]; stencils.vertex_count()];
+    for (v, inverse) in inverse.iter_mut().enumerate().skip(held) {
+        let mut sum = [if stencils.row_of[v] == NONE { 0.0 } else { 1.0 }; 3];
+        let stiffen = |sum: V3<f64>, s: &Stretch| std::array::from_fn(|c| sum[c] + s.direction[c] * s.direction[c]);
+        for &slot in stencils.incoming(v) {
+            let b = &blocks[slot as usize];
+            sum = std::array::from_fn(|c| sum[c] + b[c] * b[c] + b[3 + c] * b[3 + c] + b[6 + c] * b[6 + c]);
+            sum = springs.get(slot as usize).map_or(sum, |s| stiffen(sum, s));
+        }
+        if stencils.row_of[v] != NONE {
+            let own = springs.get(stencils.slots(stencils.row_of[v] as usize));
+            sum = own.into_iter().flatten().fold(sum, stiffen);
+        }
+        *inverse = sum.map(|d| if d > 0.0 { 1.0 / d } else { 1.0 });
+    }
+    inverse
+}
+
+/// Jacobi's preconditioner: one over the diagonal of (I - dF)ᵀ(I - dF) at given positions; zero for held vertices. CPU reference of the
+/// kernel `encoding_diagonal`.
+pub fn encoding_diagonal(
+    stencils: &Stencils,
+    encoding: &Encoding<f64>,
+    at: &Linearisation<f64>,
+    positions: &[V3<f64>],
+    held: usize,
+) -> Vec<V3<f64>> {
+    inverse_diagonal(stencils, &blocks(stencils, encoding, at, positions), &[], held)
 }
 
 /// The matrix I - dF twice, by rows and by columns, so that both products stream through it; and vectors kept between solves.
@@ -167,25 +200,7 @@ impl<R: Real> Gradients<R> {
         self.pulls.clear();
         self.pulls.resize(springs.len(), R::ZERO);
         self.inverse_diagonal.clear();
-        self.inverse_diagonal.resize(n, [R::ZERO; 3]);
-        for v in held..n {
-            let mut sum = [if stencils.row_of[v] == NONE { 0.0 } else { 1.0 }; 3];
-            for &slot in stencils.incoming(v) {
-                let b = &blocks[slot as usize];
-                for c in 0..3 {
-                    sum[c] += b[c] * b[c] + b[3 + c] * b[3 + c] + b[6 + c] * b[6 + c];
-                }
-                if let Some(s) = springs.get(slot as usize) {
-                    sum = std::array::from_fn(|c| sum[c] + s.direction[c] * s.direction[c]);
-                }
-            }
-            if stencils.row_of[v] != NONE {
-                for s in springs.get(stencils.slots(stencils.row_of[v] as usize)).into_iter().flatten() {
-                    sum = std::array::from_fn(|c| sum[c] + s.direction[c] * s.direction[c]);
-                }
-            }
-            self.inverse_diagonal[v] = sum.map(|d| R::of(if d > 0.0 { 1.0 / d } else { 1.0 }));
-        }
+        self.inverse_diagonal.extend(inverse_diagonal(stencils, blocks, springs, held).iter().map(|d| d.map(R::of)));
         self.residual.clear();
         self.residual.extend(right.iter().map(|r| r.map(R::of)));
         self.residual[..held].iter_mut().for_each(|r| *r = [R::ZERO; 3]);

@@ -10,8 +10,9 @@
 //! - [`decode`]: section 2.2, equation 13: F of one ring, of a level of vertex splits, and V - F of all rings
 //! - [`derivative`]: the analytic derivative of F; products with I - dF and its transpose as gathers
 //! - `collapse`, `cost`, [`hierarchy`]: section 3.1
-//! - `solver`, `direct`, `gradients`, `sweeps`: section 3.2.2, Gauss-Newton with line search; `springs`, ours: lengths of edges
+//! - `solver`, `direct`, [`gradients`], `sweeps`: section 3.2.2, Gauss-Newton with line search; `springs`, ours: lengths of edges
 //! - [`cascade`]: section 3.2, coarse to fine
+//! - [`gpu`]: the kernels
 //! - `blend`: section 4.3, averages of the encodings of several shapes
 //! - [`measures`]: how far a shape is from another one, in neutral terms
 //!
@@ -27,7 +28,8 @@ pub mod decode;
 pub mod derivative;
 mod direct;
 mod encode;
-mod gradients;
+pub mod gpu;
+pub mod gradients;
 pub mod hierarchy;
 pub mod measures;
 pub mod sequence;

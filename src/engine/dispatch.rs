@@ -169,6 +169,27 @@ impl Batch<'_> {
         self.record(pipeline, group, Span { first: 0, end, row: GROUP, unused: 0 }, [1, 1])
     }
 
+    /// Adds a dispatch of `groups` workgroups, each of which works on all items from `first` to `end`.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if there are more groups than one dimension holds or the bind group is of another kernel.
+    pub fn dispatch_each_group(
+        &mut self,
+        pipeline: &Pipeline,
+        group: &BindGroup,
+        first: u32,
+        end: u32,
+        groups: u32,
+    ) -> Result<()> {
+        if first >= end || groups == 0 {
+            return Ok(());
+        }
+        if groups > self.gpu.capabilities.max_groups {
+            return Err(fault(pipeline.kernel, &format!("{groups} workgroups do not fit one dispatch")));
+        }
+        self.record(pipeline, group, Span { first, end, row: groups * GROUP, unused: 0 }, [groups, 1])
+    }
+
     fn record(&mut self, pipeline: &Pipeline, group: &BindGroup, span: Span, [x, y]: [u32; 2]) -> Result<()> {
         let kernel = pipeline.kernel;
         if group.kernel != kernel.name {

@@ -11,8 +11,11 @@ use crate::error::{Error, Result};
 const LIBRARY: &[(&str, &str)] = &[
     ("lib/atlas", include_str!("../../shaders/lib/atlas.wgsl")),
     ("lib/corners", include_str!("../../shaders/lib/corners.wgsl")),
+    ("lib/derivative", include_str!("../../shaders/lib/derivative.wgsl")),
+    ("lib/encoding", include_str!("../../shaders/lib/encoding.wgsl")),
     ("lib/footprint", include_str!("../../shaders/lib/footprint.wgsl")),
     ("lib/frame", include_str!("../../shaders/lib/frame.wgsl")),
+    ("lib/gradients", include_str!("../../shaders/lib/gradients.wgsl")),
     ("lib/matching", include_str!("../../shaders/lib/matching.wgsl")),
     ("lib/mean_value", include_str!("../../shaders/lib/mean_value.wgsl")),
     ("lib/newton", include_str!("../../shaders/lib/newton.wgsl")),

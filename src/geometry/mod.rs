@@ -1,5 +1,7 @@
 //! Shapes in double precision: no graphics device and no paper is known here.
 
+pub(crate) mod bending;
+pub(crate) mod cholesky;
 pub mod closest;
 pub mod diagnosis;
 pub mod geodesics;

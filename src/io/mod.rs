@@ -26,6 +26,7 @@ pub mod obj_write;
 pub mod off;
 pub mod outline;
 pub mod output;
+pub mod output_set;
 pub mod ply;
 mod ply_header;
 pub mod ply_write;

@@ -10,15 +10,15 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::{Error, Result};
 
-/// Temporary files being written, and whether an interrupt has ended all writing.
-struct Registry {
+/// Temporary files and folders being written, and whether an interrupt has ended all writing.
+pub(super) struct Registry {
     live: Vec<PathBuf>,
-    closed: bool,
+    pub(super) closed: bool,
 }
 
 static REGISTRY: Mutex<Registry> = Mutex::new(Registry { live: Vec::new(), closed: false });
 
-fn registry() -> MutexGuard<'static, Registry> {
+pub(super) fn registry() -> MutexGuard<'static, Registry> {
     // The list stays correct whatever a panicking thread was doing: every change to it is a single push or retain.
     REGISTRY.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -80,18 +80,22 @@ pub fn check_writable(path: impl AsRef<Path>) -> Result<()> {
     File::options().write(true).create_new(true).open(&temporary.path).map(drop).map_err(|e| Error::io(path, e, REMEDY))
 }
 
-/// Removes the temporary files of all outputs being written and lets no new one begin: for an interrupt handler that then ends the process.
+/// Removes the temporary files and folders of all outputs being written and lets no new one begin: for an interrupt handler that then ends the process.
 pub fn remove_all_temporary() {
     let mut registry = registry();
     registry.closed = true;
     for path in registry.live.drain(..) {
         // Nothing can be done about a file that does not go away while the process ends.
-        let _ = fs::remove_file(path);
+        let _ = remove(&path);
     }
 }
 
+fn remove(path: &Path) -> io::Result<()> {
+    if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) }
+}
+
 /// Where the bytes go: `path` itself or what it links to. Folders are refused.
-fn final_place(path: &Path) -> Result<PathBuf> {
+pub(super) fn final_place(path: &Path) -> Result<PathBuf> {
     let other = |kind, what: &str| Err(Error::io(path, io::Error::new(kind, what.to_owned()), REMEDY));
     if path.file_name().is_none() {
         return other(io::ErrorKind::InvalidInput, "this is not the name of a file");
@@ -107,17 +111,18 @@ fn final_place(path: &Path) -> Result<PathBuf> {
     Ok(target)
 }
 
-fn folder_of(path: &Path) -> &Path {
+pub(super) fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// A registered temporary path; the file is removed when dropped.
-struct Temporary {
+/// A registered temporary path; the file or folder there is removed when dropped.
+#[derive(Debug)]
+pub(super) struct Temporary {
     path: PathBuf,
 }
 
 impl Temporary {
-    fn beside(path: &Path, target: &Path) -> Result<Self> {
+    pub(super) fn beside(path: &Path, target: &Path) -> Result<Self> {
         let stem = target.file_name().unwrap_or_default().to_string_lossy();
         let stem: String = stem.chars().take(40).collect();
         let folder = folder_of(target);
@@ -134,7 +139,11 @@ impl Temporary {
         Ok(Self { path: candidate })
     }
 
-    fn rename_to(self, path: &Path, target: &Path) -> Result<()> {
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    pub(super) fn rename_to(self, path: &Path, target: &Path) -> Result<()> {
         // Under the lock, so that an interrupt finds the file either still temporary or finished.
         let mut registry = registry();
         if registry.closed {
@@ -150,7 +159,7 @@ impl Drop for Temporary {
     fn drop(&mut self) {
         let mut registry = registry();
         if registry.live.contains(&self.path) {
-            let _ = fs::remove_file(&self.path);
+            let _ = remove(&self.path);
             registry.live.retain(|p| *p != self.path);
         }
     }

@@ -4,6 +4,7 @@ pub mod anchors;
 pub mod average;
 pub mod correspondence;
 pub mod embedding;
+pub mod field;
 pub mod gauge;
 pub mod gpu;
 mod nearest_vertex;

@@ -103,4 +103,9 @@ pub trait PointMap: Sync {
     /// # Errors
     /// If a point is not on the target, or the device fails.
     fn map(&self, points: &[PackedPoint], images: &mut Vec<PackedImage>) -> crate::Result<()>;
+
+    /// What the method `field` chose; `None` for other methods.
+    fn field(&self) -> Option<&super::field::FieldReport> {
+        None
+    }
 }

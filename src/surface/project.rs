@@ -194,6 +194,22 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
             .then_some(p)
     }
 
+    /// Projects an average whose neighbours went near the triangle `start` and the vertices `starts`.
+    ///
+    /// Nearly always the barycentric walk from the triangle ends at a projection that is nearer than the vertices; else these start the search, and a second, longer one for
+    /// what that leaves.
+    #[inline(always)]
+    pub fn project_near(&self, mean: &Vector<S, D>, start: u32, starts: &[u32; 3]) -> Projection<S> {
+        if let Some(p) = self.project_from(mean, start, starts) {
+            return p;
+        }
+        let first = self.project(mean, starts, SearchLimits::FIRST);
+        if first.found == Found::Nothing && first.face != NONE {
+            return self.project(mean, starts, SearchLimits::SECOND);
+        }
+        first
+    }
+
     /// The vertex `v` itself, as a point of its lowest triangle: the best guess where no projection was found.
     fn guess(&self, mean: &Vector<S, D>, v: u32) -> Projection<S> {
         let Some(&t) = self.fan(v).first() else {

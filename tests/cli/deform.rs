@@ -21,7 +21,7 @@ fn a_turn_is_exact_and_the_file_keeps_everything_else() {
     let f = Folder::spheres();
     let turn = |p: DVec3| DVec3::new(-p.y, p.x, p.z) * 2.0;
     f.write("h.json", &handles(&f, turn));
-    f.run("deform s.obj --handles h.json -o out.obj --report r.json").succeeds();
+    f.run("deform s.obj --handles h.json -o out.obj --report r.json --backend cpu").succeeds();
     let (before, after) = (read_mesh(f.path("s.obj")).unwrap().mesh, read_mesh(f.path("out.obj")).unwrap().mesh);
     assert_eq!(before.triangles(), after.triangles());
     assert_eq!(before.texcoords, after.texcoords);
@@ -35,12 +35,42 @@ fn a_turn_is_exact_and_the_file_keeps_everything_else() {
     }
     assert_eq!((report["flipped"].as_u64(), report["iterations"].as_u64()), (Some(0), Some(0)));
     assert!((report["volume_ratio"].as_f64().unwrap() - 8.0).abs() < 1e-9);
+    assert_eq!(report["device_stages"], serde_json::json!([]));
     // Again, from the cache: the same bytes.
     let first = f.read("out.obj");
-    f.run("deform s.obj --handles h.json -o out.obj").succeeds();
+    f.run("deform s.obj --handles h.json -o out.obj --backend cpu").succeeds();
     assert_eq!(f.read("out.obj"), first);
     f.run("deform s.obj --handles h.json -o out.ply --quality converged --stiffness 0.5 --sweeps 1").succeeds();
     assert_eq!(read_mesh(f.path("out.ply")).unwrap().mesh.vertex_count(), before.vertex_count());
+}
+
+#[test]
+fn a_device_is_used_when_asked_for_and_named() {
+    let f = Folder::spheres();
+    let turn = |p: DVec3| DVec3::new(-p.y, p.x, p.z) * 2.0;
+    f.write("h.json", &handles(&f, turn));
+    let ran = f.run("deform s.obj --handles h.json -o gpu.obj --quality splits --backend gpu --report r.json");
+    if ran.code == Some(1) && std::env::var_os("BARYMAP_REQUIRE_GPU").is_none() {
+        println!("SKIPPED: {}", ran.message());
+        return;
+    }
+    ran.succeeds();
+    let report = f.json("r.json");
+    assert_eq!(report["backend"]["kind"], "gpu");
+    assert_eq!(
+        (&report["device_stages"], &report["notes"]),
+        (&serde_json::json!(["split_level"]), &serde_json::json!([]))
+    );
+    let (before, after) = (read_mesh(f.path("s.obj")).unwrap().mesh, read_mesh(f.path("gpu.obj")).unwrap().mesh);
+    let worst = before.positions.iter().zip(&after.positions).map(|(p, q)| turn(*p).distance(*q)).fold(0.0, f64::max);
+    // Single precision, over a diagonal of about seven.
+    assert!(worst > 0.0 && worst < 2e-6 * 7.0, "{worst:e}");
+    f.run("deform s.obj --handles h.json -o again.obj --quality splits --backend gpu").succeeds();
+    assert_eq!(f.read("gpu.obj"), f.read("again.obj"));
+    // On the processor the splits are exact.
+    f.run("deform s.obj --handles h.json -o cpu.obj --quality splits --backend cpu").succeeds();
+    let exact = read_mesh(f.path("cpu.obj")).unwrap().mesh;
+    assert!(before.positions.iter().zip(&exact.positions).all(|(p, q)| turn(*p).distance(*q) < 1e-12));
 }
 
 #[test]

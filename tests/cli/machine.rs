@@ -110,3 +110,25 @@ fn an_interrupt_leaves_no_temporary_file() {
     }
     assert!(interrupted > 0, "every run was over before its interrupt");
 }
+
+#[test]
+fn nobody_listening_ends_nothing() {
+    let f = Folder::spheres();
+    for (words, made) in
+        [("devices --report d.json", "d.json"), ("embed s.obj --backend cpu --no-cache -o e.npy", "e.npy")]
+    {
+        assert_eq!(unheard(&f, words), Some(0), "{words}");
+        assert!(f.path(made).exists(), "the work is done all the same");
+    }
+    // An error keeps its code, whoever reads it.
+    assert_eq!(unheard(&f, "embed no.obj -o e.npy"), Some(1));
+}
+
+/// The exit code of a run whose output goes to a closed pipe.
+fn unheard(f: &Folder, words: &str) -> Option<i32> {
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let mut command = f.command();
+    command.args(words.split_whitespace()).stdout(writer.try_clone().unwrap()).stderr(writer);
+    command.status().unwrap().code()
+}

@@ -85,6 +85,13 @@ fn a_proof_is_told_from_samples() {
     assert!(step["lower_bound"].as_f64().unwrap() > 0.0 && step["lower_bound"].as_f64() <= step["j_min"].as_f64());
     f.run(&format!("{WARP} --certify --boxes 3 --report r.json")).succeeds();
     assert_eq!(f.json("r.json")["bijective"], "sampled");
+    // Along the last path steps may become shorter than eps, which the note and the report say.
+    f.write("c.json", &corner(64.0, 16.0).to_string());
+    let ran = f.run(&format!("{WARP} --eps 1 --path compatible --report r.json")).succeeds();
+    let r = f.json("r.json");
+    assert!(ran.stderr.contains("shorter than eps"), "{}", ran.stderr);
+    assert!(r["steps_below_eps"].as_u64() > Some(0) && r["shortest_step"].as_f64() < Some(0.5), "{r}");
+    assert_eq!((r["eps"].as_f64(), &r["path"]), (Some(1.0), &json!("compatible")));
     f.run(&format!("{WARP} --certify --partition direct --coordinates wachspress")).fails(2, &["--certify"]);
 }
 
@@ -100,6 +107,26 @@ fn sequences_begin_with_the_picture_itself() {
     let frames = f.json("r.json")["frames"].clone();
     assert_eq!((frames.as_array().unwrap().len(), &frames[1]["t"]), (3, &json!(0.5)));
     f.run(&format!("{WARP} --frames 0")).fails(2, &["--frames"]);
+    // All of them or none: the last cannot be written, and the first keeps what it was.
+    let before = (f.names(), f.bytes("o_0000.png"));
+    std::fs::create_dir(f.path("o_0003.png")).unwrap();
+    f.run(&format!("{WARP} --frames 4 --filter bilinear --outside transparent")).fails(1, &["o_0003.png"]);
+    std::fs::remove_dir(f.path("o_0003.png")).unwrap();
+    assert_eq!((f.names(), f.bytes("o_0000.png")), before);
+}
+
+#[test]
+fn every_filter_gives_the_same_bytes_for_any_number_of_threads() {
+    let f = folder();
+    for filter in ["ewa", "bilinear", "lanczos", "lanczos4"] {
+        let with = |threads: &str| {
+            let words = format!("{WARP} --filter {filter} --canvas 150x90 --outside keep");
+            f.run_with(&words, &[("RAYON_NUM_THREADS", threads)]).succeeds();
+            f.bytes("o.png")
+        };
+        let one = with("1");
+        assert!(one == with("2") && one == with("3"), "{filter}");
+    }
 }
 
 #[test]

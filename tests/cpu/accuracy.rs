@@ -80,14 +80,26 @@ impl<'a> Pair<'a> {
         Outcome { error: summarise(&errors), errors, map }
     }
 
-    /// Shares of the target's area: claimed valid, and of that off by more than 0.02 and 0.05.
-    fn honesty(&self, outcome: &Outcome) -> [f64; 3] {
+    /// Area of the target around each of its vertices.
+    fn areas(&self) -> Vec<f64> {
         let mut area = vec![0.0; self.target.mesh.vertex_count()];
         for t in 0..self.target.mesh.triangle_count() {
             for v in self.target.mesh.triangle(t) {
                 area[v as usize] += self.target.mesh.triangle_area(t) / 3.0;
             }
         }
+        area
+    }
+
+    /// Mean error over the surface.
+    fn mean_by_area(&self, outcome: &Outcome) -> f64 {
+        let area = self.areas();
+        outcome.errors.iter().zip(&area).map(|(e, a)| e * a).sum::<f64>() / area.iter().sum::<f64>()
+    }
+
+    /// Shares of the target's area: claimed valid, and of that off by more than 0.02 and 0.05.
+    fn honesty(&self, outcome: &Outcome) -> [f64; 3] {
+        let area = self.areas();
         let sum = |f: &dyn Fn(usize) -> bool| (0..area.len()).filter(|&v| f(v)).map(|v| area[v]).sum::<f64>();
         let valid = |v: usize| outcome.map.images[v].status() == Status::Valid;
         let claimed = sum(&valid);
@@ -128,6 +140,11 @@ fn smpl_and_fox_pairs_meet_the_bar_of_the_study() {
         say(name, "averages, 93", &averages);
         say(name, "transport, 93", &transport);
         assert!(transport.error.mean <= bar, "{name}: {}", transport.error.mean);
+        // The study that set the bar had its surfaces remeshed evenly, which is the mean by area. Over the vertices as they are, most of them in
+        // the fox's face and feet, the published method has up to 0.0096.
+        let published = pair.mean_by_area(&averages);
+        println!("{name} averages, 93: mean by area {published:.4}");
+        assert!(published <= 0.008 && averages.error.mean <= 0.0098, "{name}: {published}");
         assert!(transport.map.distortion.flipped_area <= 0.04);
         assert!(transport.error.mean < averages.error.mean);
         let few = Pair::same(&source, &target, &target.spread(27));
@@ -155,10 +172,7 @@ fn what_is_claimed_valid_on_the_human_pair_is_right() {
             let [valid, off02, off05] = pair.honesty(&o);
             println!("{name} {}: valid {valid:.4}, of that off by 0.02 {off02:.4}, by 0.05 {off05:.4}", method.name());
             if method == Method::Transport {
-                // The bar of 5 % off by 0.02 is met from woman to man; the way back is at 5.35 %, whatever the residual claimed
-                // (docs/measurements.md).
-                let bar = if name == "woman to man" { 0.05 } else { 0.055 };
-                assert!(valid >= 0.97 && off02 <= bar && off05 <= 0.005, "{name}: {valid} {off02} {off05}");
+                assert!(valid >= 0.97 && off02 <= 0.05 && off05 <= 0.005, "{name}: {valid} {off02} {off05}");
             }
         }
     }
@@ -213,4 +227,46 @@ fn round_trips_on_one_mesh() {
     let (worst, all) = (off(&order[..order.len() / 10]), off(&order));
     println!("averages: {all} of {} vertices do not return, {worst} of them in the least trusted tenth", order.len());
     assert!(all > 0 && worst as f64 >= 0.7 * all as f64, "{worst} of {all}");
+}
+
+#[test]
+#[ignore = "needs BARYMAP_DATA"]
+fn the_field_is_nearer_to_the_truth_than_every_other_method() {
+    let humans: Vec<Embedded> =
+        ["textured/human_male/human_male.obj", "textured/human_female/human_female.obj"].map(Embedded::read).into();
+    let foxes: Vec<Embedded> = ["gt/fox_same/fox_run.obj", "gt/fox_same/fox_rest.obj"].map(Embedded::read).into();
+    let smpl: Vec<Embedded> = ["gt/smpl_same/man.obj", "gt/smpl_same/woman.obj"].map(Embedded::read).into();
+    let (mut to_rbf, mut to_averages, mut runs) = (0.0, 0.0, 0.0);
+    for pair in [humans, foxes, smpl] {
+        for (source, target) in [(&pair[0], &pair[1]), (&pair[1], &pair[0])] {
+            let name = format!("{} to {}", source.mesh.name, target.mesh.name);
+            let mut published = 0.0;
+            // 93 first: the field of 27 is compared with the averages of 93.
+            for anchors in [93, 64, 27, 21] {
+                let pair = Pair::same(source, target, &target.spread(anchors));
+                let outcome = |method: Method| {
+                    let o = pair.map(method);
+                    say(&name, &format!("{}, {anchors}", method.name()), &o);
+                    o
+                };
+                let (field, rbf) = (outcome(Method::Field), outcome(Method::Rbf));
+                let averages = outcome(Method::Averages);
+                if anchors == 93 {
+                    published = averages.error.mean;
+                }
+                let (a, b) = (field.error.mean / rbf.error.mean, field.error.mean / averages.error.mean);
+                println!("{name}, {anchors}: field / rbf {a:.3}, field / averages {b:.3}");
+                assert!(a <= 0.95 && b <= 0.85, "{name}, {anchors}: {a} {b}");
+                to_rbf += a.ln();
+                to_averages += b.ln();
+                runs += 1.0;
+                if anchors == 27 {
+                    println!("{name}: field with 27 anchors / averages with 93 {:.3}", field.error.mean / published);
+                }
+            }
+        }
+    }
+    let mean = |sum: f64| f64::exp(sum / runs);
+    println!("geometric means: field / rbf {:.3}, field / averages {:.3}", mean(to_rbf), mean(to_averages));
+    assert!(mean(to_averages) <= 0.35 && mean(to_rbf) <= 0.72);
 }

@@ -8,7 +8,9 @@ use barymap::mapping::plane::{
 use barymap::models::polygons::twisted_star;
 use glam::{DVec2, UVec2};
 
-use crate::plane_cases::{Case, check_accuracy, drift, far_fault, far_points, mapped, pairs, points, to_regular};
+use crate::plane_cases::{
+    Case, check_accuracy, drift, far_fault, far_points, mapped, notched, pairs, points, to_regular,
+};
 
 #[test]
 fn single_precision_keeps_its_bounds() {
@@ -35,19 +37,13 @@ fn one_point_at_a_time_keeps_them_too() {
 
 #[test]
 fn four_thousand_vertices_are_mapped() {
-    let star = |radii: &[f64]| {
-        barymap::geometry::Polygon::from_loops(vec![barymap::models::polygons::star(
-            4096,
-            radii,
-            0.0,
-            glam::DVec2::ZERO,
-        )])
-    };
-    let pair = barymap::models::polygons::PolygonPair { source: star(&[0.45, 0.449]), target: star(&[0.40]) };
-    let case = Case::new("4096", &pair, 1.0, glam::DVec2::ZERO);
-    let points = points(&case, 10);
-    let found = mapped(&Engine::cpu(), &case.step, &points.inside);
-    assert_eq!(crate::plane_cases::fault(&case, &points, &found), None);
+    // Small teeth, and notches a third of the radius deep between edges that all but touch.
+    for depth in [0.001, 0.15] {
+        let case = Case::new("4096", &notched(4096, depth), 1.0, glam::DVec2::ZERO);
+        let points = points(&case, 10);
+        let found = mapped(&Engine::cpu(), &case.step, &points.inside);
+        assert_eq!(crate::plane_cases::fault(&case, &points, &found), None);
+    }
 }
 
 #[test]

@@ -8,6 +8,7 @@ use barymap::engine::{Kernel, reflect};
 
 fn kernels() -> Vec<&'static Kernel> {
     [
+        barymap::encoding::gpu::KERNELS,
         barymap::engine::KERNELS,
         barymap::mapping::plane::gpu::KERNELS,
         barymap::surface::gpu::KERNELS,

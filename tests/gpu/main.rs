@@ -5,7 +5,10 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+mod decode;
 mod device;
+mod encoding;
+mod encoding_bounds;
 mod patterns;
 mod plane;
 #[path = "../common/plane.rs"]
@@ -13,6 +16,8 @@ mod plane_cases;
 mod surface;
 mod transfer;
 mod transfer_sample;
+#[path = "../common/tube.rs"]
+mod tube;
 mod warp;
 
 use std::sync::OnceLock;

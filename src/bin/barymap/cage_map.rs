@@ -26,7 +26,8 @@ pub(crate) struct MappingArguments {
     /// How the map is cut into steps that do not fold: binary, direct, uniform:M, uniform:auto or continuous
     #[arg(long, default_value = "binary", value_parser = partition_kind)]
     partition: PartitionKind,
-    /// Steps no longer than this are not halved any more
+    /// Steps no longer than this are not halved any more; those of the compatible path, the last resort, may be, to a 65,536th
+    /// of it (a note says so, and `steps_below_eps` of the report counts them)
     #[arg(long, default_value_t = PartitionOptions::default().eps)]
     eps: f64,
     /// Samples along the longer side of a polygon, for its smallest Jacobian
@@ -199,6 +200,11 @@ impl CageMap {
         report["partition"] = json!(p.knots);
         report["steps"] = json!(steps);
         report["path"] = json!(p.path.name());
+        // A step longer than eps may be halved, so that half of it is the least that eps allows.
+        let lengths = || p.knots.windows(2).map(|k| k[1] - k[0]);
+        report["eps"] = json!(self.options.eps);
+        report["shortest_step"] = json!(lengths().fold(1.0, f64::min));
+        report["steps_below_eps"] = json!(lengths().filter(|length| *length < 0.5 * self.options.eps).count());
         report["bijective"] = json!(self.bijective());
         report["sufficient_bound"] = json!({
             "sampled": true,

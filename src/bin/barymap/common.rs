@@ -1,5 +1,6 @@
 //! What the commands share: options, meshes with their embeddings, anchors, reports.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use barymap::engine::{Backend, Engine, EngineOptions};
@@ -66,12 +67,25 @@ fn bytes(text: &str) -> std::result::Result<u64, String> {
     number.checked_mul(factor).filter(|&n| n > 0).ok_or_else(|| format!("{text:?} is out of range"))
 }
 
+/// A line on stdout. Where nobody reads it any more (`barymap ... | head -1`), the work goes on without it.
+pub(crate) fn line(text: &str) {
+    // There is nobody to tell that nobody listens.
+    let _ = writeln!(std::io::stdout(), "{text}");
+}
+
+/// A note on stderr, as [`line`].
+pub(crate) fn note(text: &str) {
+    let _ = writeln!(std::io::stderr(), "note: {text}");
+}
+
 /// A command at work: its engine, progress and clock.
 pub(crate) struct Session<'a> {
     pub(crate) common: &'a Common,
     pub(crate) engine: Engine,
     pub(crate) bars: Bars,
     pub(crate) watch: Stopwatch,
+    /// What the method `field` chose, for the report.
+    pub(crate) field: Option<Value>,
     cache: Cache,
 }
 
@@ -98,6 +112,7 @@ impl<'a> Session<'a> {
             engine,
             bars: Bars::new(common.quiet),
             watch: Stopwatch::new(),
+            field: None,
             cache: if common.no_cache { Cache::disabled() } else { Cache::from_environment() },
         };
         if let Some(note) = session.engine.note() {
@@ -115,7 +130,7 @@ impl<'a> Session<'a> {
     pub(crate) fn warn(&self, text: &str) {
         self.bars.finish();
         if !self.common.quiet {
-            eprintln!("note: {text}");
+            note(text);
         }
     }
 
@@ -123,7 +138,7 @@ impl<'a> Session<'a> {
     pub(crate) fn say(&self, text: &str) {
         self.bars.finish();
         if !self.common.quiet {
-            println!("{text}");
+            line(text);
         }
     }
 
@@ -183,13 +198,17 @@ impl<'a> Session<'a> {
                 .collect::<serde_json::Map<_, _>>()
                 .into()
         };
-        json!({
+        let mut report = json!({
             "command": command,
             "version": env!("CARGO_PKG_VERSION"),
             "backend": {"kind": d.backend, "name": d.name, "driver": d.driver},
             "seconds": stages(&|s| Some(s.seconds)),
             "cpu_seconds": stages(&|s| s.cpu_seconds),
-        })
+        });
+        if let Some(field) = &self.field {
+            report["field"] = field.clone();
+        }
+        report
     }
 
     /// Writes the report where one is asked for.

@@ -4,12 +4,13 @@ use std::path::PathBuf;
 
 use barymap::Result;
 use barymap::encoding::{HierarchyOptions, Quality};
+use barymap::engine::Engine;
 use barymap::io::{read_handles, read_vertex_list};
 use barymap::tools::deform::{Deformer, Handles};
 use clap::ValueEnum;
 use serde_json::json;
 
-use crate::common::{Common, Session, check_outputs, usage};
+use crate::common::{BackendName, Common, Session, check_outputs, usage};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -62,13 +63,19 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     if !(0.0..=1e6).contains(&arguments.stiffness) {
         return Err(usage("--stiffness", "the value is out of range", "Give a number from 0 to 1000000"));
     }
-    let mut session = Session::start_on_cpu(common)?;
+    let mut session = Session::start(common)?;
+    // A software adapter runs the kernels on the same processor, slower than the processor's own code.
+    let software = session.engine.gpu().is_some_and(|g| g.capabilities().software);
+    if software && matches!(common.backend, BackendName::Auto) {
+        session.engine = Engine::cpu();
+    }
     let handles = read_handles(&arguments.handles)?;
     let region = arguments.roi.as_ref().map(read_vertex_list).transpose()?;
     let surface = session.mesh(&arguments.mesh)?;
     let (vertices, positions): (Vec<u32>, Vec<_>) = handles.into_iter().unzip();
     let wanted = Handles { vertices, region };
     let mut deformer = Deformer::new(&surface.mesh, wanted, &HierarchyOptions::default(), session.cache())?;
+    deformer.decode_on(&session.engine);
     for warning in &deformer.warnings {
         session.warn(&format!("{}: {warning}", deformer.name()));
     }
@@ -82,6 +89,12 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let quality = Quality { sweeps: arguments.sweeps, stiffness: arguments.stiffness, ..quality };
     let result = deformer.deform(&positions, &quality, false)?;
     session.watch.lap("decode");
+    let device = deformer.decoder().device();
+    let (device_stages, notes): (Vec<&str>, &[String]) =
+        device.map_or((Vec::new(), &[]), |d| (d.ran().collect(), d.notes()));
+    for note in notes {
+        session.warn(note);
+    }
     let m = deformer.measures(&result.positions);
     session.watch.lap("measure");
     let mut mesh = surface.mesh;
@@ -106,7 +119,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let levels = result.report.levels.iter().map(|l| {
         json!({
             "free": l.free, "iterations": l.iterations, "gradient_steps": l.gradient_steps,
-            "before": l.before, "after": l.after, "seconds": l.seconds,
+            "before": l.before, "after": l.after, "seconds": l.seconds, "on_device": l.on_device,
         })
     });
     for (key, value) in [
@@ -118,6 +131,8 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         ("dihedral_rms_degrees", json!(m.dihedral_rms)),
         ("flipped", json!(m.flipped)),
         ("iterations", json!(result.report.iterations())),
+        ("device_stages", json!(device_stages)),
+        ("notes", json!(notes)),
         ("levels", levels.collect()),
     ] {
         report[key] = value;

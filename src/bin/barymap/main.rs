@@ -18,6 +18,7 @@ mod warp;
 mod warp_points;
 mod weights;
 
+use std::io::Write;
 use std::process::ExitCode;
 
 use barymap::{Error, Result};
@@ -94,12 +95,13 @@ fn main() -> ExitCode {
         std::process::exit(130);
     });
     if let Err(error) = handler {
-        eprintln!("note: interrupts are not handled: {error}");
+        common::note(&format!("interrupts are not handled: {error}"));
     }
     match run(&Cli::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("barymap: {error}");
+            // As common::note: a closed stderr changes nothing.
+            let _ = writeln!(std::io::stderr(), "barymap: {error}");
             // 2: wrong use of the command line; 1: a fault in the data, a file or the machine.
             ExitCode::from(if matches!(error, Error::Option { .. }) { 2 } else { 1 })
         }

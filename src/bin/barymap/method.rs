@@ -15,6 +15,8 @@ pub(crate) enum MethodName {
     Averages,
     /// The paper with the residual carried over
     Transport,
+    /// An image for every vertex, predicted in the embedding and in space, relaxed onto the source
+    Field,
     /// Spatial radial basis functions, then the closest point
     Rbf,
     /// Alignment by the anchors, then the closest point
@@ -26,6 +28,7 @@ impl MethodName {
         match self {
             Self::Averages => Method::Averages,
             Self::Transport => Method::Transport,
+            Self::Field => Method::Field,
             Self::Rbf => Method::Rbf,
             Self::Closest => Method::Closest,
         }
@@ -51,6 +54,7 @@ pub(crate) fn prepare(
     if let Some(note) = note {
         session.warn(&note);
     }
+    session.field = map.field().map(|f| serde_json::json!(f));
     session.watch.lap("correspondence");
     Ok(map)
 }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use barymap::io::cage::CageUnits;
+use barymap::io::output_set::OutputSet;
 use barymap::mapping::plane::{CompositeMap, jacobian_min};
 use barymap::raster::Image;
 use barymap::tools::transfer::Encoding;
@@ -39,7 +40,7 @@ pub(crate) struct Arguments {
     /// Size of the result: WIDTHxHEIGHT, or one number for a square; the picture's own if not given
     #[arg(long, value_parser = size)]
     canvas: Option<(u32, u32)>,
-    /// Write a sequence from source to target instead: OUTPUT_0000.png and so on
+    /// Write a sequence from source to target instead: OUTPUT_0000.png and so on, which appear together at the end
     #[arg(long)]
     frames: Option<u32>,
     /// Write a picture of the Jacobian, with its scale
@@ -62,6 +63,7 @@ enum FilterName {
     Ewa,
     Bilinear,
     Lanczos,
+    Lanczos4,
 }
 
 /// Names of what is outside.
@@ -84,6 +86,9 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let (made, units) = CageMap::new(&mut session, &arguments.mapping)?;
     made.refuse_folds(&session, "warp")?;
     let options = options(&session, arguments, &image, units.unwrap_or(CageUnits::Pixel));
+    // Frames appear together, when the last one is done.
+    let first = outputs.first().filter(|_| arguments.frames.is_some());
+    let mut sequence = first.map(OutputSet::beside).transpose()?;
     let frames = Frames::new(&session, &made, outputs)?;
     let (mut stats, mut seconds) = (Vec::new(), 0.0);
     let mut last: Option<WarpOutput> = None;
@@ -94,10 +99,17 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         let warped = warp_picture(&session.engine, &image, &frame.map, &options, session.progress())?;
         seconds += started.elapsed().as_secs_f64();
         session.watch.lap("warp");
-        barymap::io::write_image(&warped.image, &frame.output)?;
+        match &mut sequence {
+            Some(sequence) => barymap::io::write_image(&warped.image, sequence.file(&frame.output)?)?,
+            None => barymap::io::write_image(&warped.image, &frame.output)?,
+        }
         session.watch.lap("write");
         stats.push(warped.stats.clone());
         last = Some(warped);
+    }
+    if let Some(sequence) = sequence {
+        sequence.finish()?;
+        session.watch.lap("write");
     }
     let Some(last) = last else { return Err(Error::option("--frames", "0", "Ask for one frame at least")) };
     let map = &frames.list[frames.list.len() - 1].map;
@@ -176,6 +188,7 @@ fn options(session: &Session<'_>, arguments: &Arguments, image: &Image, units: C
             FilterName::Ewa => Filter::Ewa,
             FilterName::Bilinear => Filter::Bilinear,
             FilterName::Lanczos => Filter::Lanczos,
+            FilterName::Lanczos4 => Filter::Lanczos4,
         },
         outside,
         encoding: Encoding { linear_light: arguments.linear_light, ..Encoding::default() },

@@ -8,8 +8,7 @@ use rayon::prelude::*;
 
 use crate::geometry::{Polygon, Side};
 
-use super::Coordinates;
-use super::gradients::gradients;
+use super::{Coordinates, Frame, Step};
 
 /// `M d < (sqrt 5 - 1) / 2` makes a step injective (Lemma 2).
 pub const LEMMA_2: f64 = 0.618_033_988_749_894_8;
@@ -75,12 +74,14 @@ fn samples(polygon: &Polygon, side: usize, corners: usize) -> Vec<DVec2> {
 fn largest_gradients(coordinates: Coordinates, polygon: &Polygon, side: usize, corners: usize) -> Vec<f64> {
     let n = polygon.vertex_count();
     let none = || vec![0.0_f64; n];
+    let scale = Frame::common_scale([polygon]);
+    let (frame, step) = (Frame::of(polygon, scale), Step::<f64>::new(coordinates, polygon, polygon, scale));
     // The maximum does not depend on the order it is taken in.
     samples(polygon, side, corners)
         .into_par_iter()
         .fold(none, |mut largest, p| {
-            for (m, g) in largest.iter_mut().zip(gradients(coordinates, polygon, p)) {
-                *m = m.max(g.length());
+            for (m, g) in largest.iter_mut().zip(step.gradients_of(frame.local(p))) {
+                *m = m.max(DVec2::from(g).length() * scale);
             }
             largest
         })

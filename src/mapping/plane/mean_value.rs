@@ -20,6 +20,10 @@ use crate::engine::Real;
 /// single precision.
 pub(super) const AT_VERTEX: f64 = 1e-15;
 
+/// Vertices whose terms are added up by themselves before they are added to the rest. In single precision the sums, not the terms,
+/// carry most of the error where there are many vertices: every term costs a rounding of what the sum has grown to so far.
+pub(super) const BLOCK: usize = 32;
+
 /// Stands in for an area that is zero.
 const NO_AREA: f64 = 1e-30;
 

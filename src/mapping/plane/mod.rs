@@ -8,7 +8,6 @@ mod composite;
 mod composite_tests;
 mod frame;
 pub mod gpu;
-mod gradients;
 mod inverse;
 mod inverse_points;
 mod jacobian_min;

@@ -1,6 +1,7 @@
 //! The passes over a polygon that sweeps make, for one group of points. The form is that of [`super::mean_value`]; every lane
 //! has its own widest edge, kept as area, scalar product and number.
 
+use super::mean_value::BLOCK;
 use super::sweep::SweepStep;
 use crate::engine::lane::MAX_LANES;
 use crate::engine::{Lane, Real};
@@ -156,6 +157,7 @@ fn ray<L: Lane>(cpu: L::Cpu, spoke: Spoke<L>) -> Ray<L> {
 }
 
 /// Running sums over the vertices.
+#[derive(Clone, Copy)]
 struct Sums<L> {
     weight: L,
     moment: [L; 2],
@@ -164,21 +166,35 @@ struct Sums<L> {
     moved_gradient: [[L; 2]; 2],
 }
 
+impl<L: Lane> Sums<L> {
+    #[inline(always)]
+    fn none(cpu: L::Cpu) -> Self {
+        let (zero, pair) = (L::num(cpu, 0.0), [L::num(cpu, 0.0); 2]);
+        Self { weight: zero, moment: pair, moved: pair, weight_gradient: pair, moved_gradient: [pair; 2] }
+    }
+
+    #[inline(always)]
+    fn join(&mut self, other: &Self) {
+        self.weight = self.weight + other.weight;
+        for axis in 0..2 {
+            self.moment[axis] = self.moment[axis] + other.moment[axis];
+            self.moved[axis] = self.moved[axis] + other.moved[axis];
+            self.weight_gradient[axis] = self.weight_gradient[axis] + other.weight_gradient[axis];
+            for row in 0..2 {
+                self.moved_gradient[row][axis] = self.moved_gradient[row][axis] + other.moved_gradient[row][axis];
+            }
+        }
+    }
+}
+
 #[inline(always)]
 pub(super) fn around<L: Lane>(cpu: L::Cpu, step: &SweepStep<'_, L::E>, x: L, y: L) -> Found<L> {
-    let (zero, one) = (L::num(cpu, 0.0), L::num(cpu, 1.0));
-    let quarter = L::num(cpu, 0.25);
+    let (one, quarter) = (L::num(cpu, 1.0), L::num(cpu, 0.25));
     let found = scan(cpu, step, x, y);
     let scale = found.square.sqrt();
     // Edges until the widest: zero there.
     let mut left = found.widest;
-    let mut sums = Sums {
-        weight: zero,
-        moment: [zero; 2],
-        moved: [zero; 2],
-        weight_gradient: [zero; 2],
-        moved_gradient: [[zero; 2]; 2],
-    };
+    let mut sums = Sums::none(cpu);
     for ring in &step.step.outline.loops {
         let corners = &step.corners[ring.clone()];
         let first = ray(cpu, spoke(cpu, corners[0].v, x, y));
@@ -186,12 +202,16 @@ pub(super) fn around<L: Lane>(cpu: L::Cpu, step: &SweepStep<'_, L::E>, x: L, y: 
         let leaving = edge::<L>(cpu, &corners[0], &first, &second, &found, (left * left).lt(quarter));
         left = left - one;
         let (mut here, mut before) = (second, leaving);
-        for (i, corner) in corners.iter().enumerate().skip(1) {
-            let there = if i + 1 < corners.len() { ray(cpu, spoke(cpu, corners[i + 1].v, x, y)) } else { first };
-            let after = edge::<L>(cpu, corner, &here, &there, &found, (left * left).lt(quarter));
-            left = left - one;
-            add::<L>(cpu, corner, &here, before, after, scale, found.base, &mut sums);
-            (here, before) = (there, after);
+        for start in (1..corners.len()).step_by(BLOCK) {
+            let mut block = Sums::none(cpu);
+            for i in start..corners.len().min(start + BLOCK) {
+                let there = if i + 1 < corners.len() { ray(cpu, spoke(cpu, corners[i + 1].v, x, y)) } else { first };
+                let after = edge::<L>(cpu, &corners[i], &here, &there, &found, (left * left).lt(quarter));
+                left = left - one;
+                add::<L>(cpu, &corners[i], &here, before, after, scale, found.base, &mut block);
+                (here, before) = (there, after);
+            }
+            sums.join(&block);
         }
         add::<L>(cpu, &corners[0], &first, before, leaving, scale, found.base, &mut sums);
     }
@@ -286,7 +306,8 @@ pub(super) fn moved<L: Lane>(cpu: L::Cpu, step: &SweepStep<'_, L::E>, x: L, y: L
             base[axis] = L::select(closer, L::splat(cpu, corner.u[axis]), base[axis]);
         }
     }
-    let (mut weight, mut moment, mut moved) = (zero, [zero; 2], [zero; 2]);
+    // Weight, moment and displacement.
+    let mut sums = [zero; 5];
     let leg = |corner: &Corner<L::E>| {
         let spoke = spoke(cpu, corner.v, x, y);
         Leg { spoke, r: spoke.square.sqrt() }
@@ -297,20 +318,27 @@ pub(super) fn moved<L: Lane>(cpu: L::Cpu, step: &SweepStep<'_, L::E>, x: L, y: L
         let first = leg(&corners[0]);
         let mut here = first;
         let mut before = half_tangent(cpu, last, &leg(last), &first);
-        for (i, corner) in corners.iter().enumerate() {
-            let there = if i + 1 < corners.len() { leg(&corners[i + 1]) } else { first };
-            let after = half_tangent(cpu, corner, &here, &there);
-            let w = (before + after) / here.r;
-            weight = weight + w;
-            for axis in 0..2 {
-                moment[axis] = w.mul_add(L::splat(cpu, corner.v[axis]), moment[axis]);
-                moved[axis] = w.mul_add(L::splat(cpu, corner.u[axis]) - base[axis], moved[axis]);
+        for start in (0..corners.len()).step_by(BLOCK) {
+            let mut block = [zero; 5];
+            for i in start..corners.len().min(start + BLOCK) {
+                let corner = &corners[i];
+                let there = if i + 1 < corners.len() { leg(&corners[i + 1]) } else { first };
+                let after = half_tangent(cpu, corner, &here, &there);
+                let w = (before + after) / here.r;
+                block[0] = block[0] + w;
+                for axis in 0..2 {
+                    block[1 + axis] = w.mul_add(L::splat(cpu, corner.v[axis]), block[1 + axis]);
+                    block[3 + axis] = w.mul_add(L::splat(cpu, corner.u[axis]) - base[axis], block[3 + axis]);
+                }
+                (here, before) = (there, after);
             }
-            (here, before) = (there, after);
+            for k in 0..5 {
+                sums[k] = sums[k] + block[k];
+            }
         }
     }
-    let inverse = inverse_total(cpu, step, x, y, weight, moment, one);
-    ([base[0] + moved[0] * inverse, base[1] + moved[1] * inverse], nearest)
+    let inverse = inverse_total(cpu, step, x, y, sums[0], [sums[1], sums[2]], one);
+    ([base[0] + sums[3] * inverse, base[1] + sums[4] * inverse], nearest)
 }
 
 /// One end of an edge in that pass.

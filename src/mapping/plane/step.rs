@@ -191,28 +191,47 @@ impl<R: Real> Step<R> {
 
     /// The coordinates of `p`, vertex by vertex.
     pub(super) fn coordinates_of(&self, p: [R; 2]) -> Vec<R> {
-        let outline = &self.outline;
-        let mut b = vec![R::ZERO; outline.len()];
+        let mut b = vec![R::ZERO; self.outline.len()];
         let mut total = R::ZERO;
-        let mut each = |i: usize, w: R, _: [R; 2]| {
+        self.visit::<false>(p, |i, w, _| {
             b[i] = w;
             total += w;
-        };
+        });
+        b.iter_mut().for_each(|b| *b = *b / total);
+        b
+    }
+
+    /// Their gradients, by local coordinates; `p` is not at a vertex. With weights w_i and their sum W, the gradient of w_i / W is
+    /// (grad w_i - w_i / W grad W) / W.
+    pub(super) fn gradients_of(&self, p: [R; 2]) -> Vec<[R; 2]> {
+        let mut all = vec![(R::ZERO, [R::ZERO; 2]); self.outline.len()];
+        let (mut total, mut slope) = (R::ZERO, [R::ZERO; 2]);
+        self.visit::<true>(p, |i, w, gradient| {
+            all[i] = (w, gradient);
+            total += w;
+            (0..2).for_each(|axis| slope[axis] += gradient[axis]);
+        });
+        let gradient = |(w, g): (R, [R; 2])| std::array::from_fn(|axis| (g[axis] - w / total * slope[axis]) / total);
+        all.into_iter().map(gradient).collect()
+    }
+
+    /// The weights of the coordinates at `p`, and their gradients if `GRADIENT`; at a vertex of mean value coordinates that vertex
+    /// alone, without a gradient.
+    fn visit<const GRADIENT: bool>(&self, p: [R; 2], mut each: impl FnMut(usize, R, [R; 2])) {
+        let outline = &self.outline;
         match self.coordinates {
             Coordinates::MeanValue => {
                 let found = mean_value::scan(outline, p);
                 if found.at_vertex() {
                     each(found.nearest, R::ONE, [R::ZERO; 2]);
                 } else {
-                    mean_value::visit::<R, false>(outline, p, &found, each);
+                    mean_value::visit::<R, GRADIENT>(outline, p, &found, each);
                 }
             }
             Coordinates::Wachspress => {
-                wachspress::visit::<R, false>(outline, p, wachspress::pivot(outline, p), each);
+                wachspress::visit::<R, GRADIENT>(outline, p, wachspress::pivot(outline, p), each);
             }
         }
-        b.iter_mut().for_each(|b| *b = *b / total);
-        b
     }
 }
 
@@ -239,11 +258,9 @@ pub(super) fn determinant<R: Real>(m: [[R; 2]; 2]) -> R {
     m[0][0] * m[1][1] - m[0][1] * m[1][0]
 }
 
-/// Sums over the vertices. Displacements are taken relative to that of the vertex with the largest weight, whose own
-/// gradient, the only one that grows next to it, then drops out.
-struct Sums<'a, R> {
-    outline: &'a Outline<R>,
-    base: [R; 2],
+/// Sums over the vertices.
+#[derive(Clone, Copy)]
+struct Terms<R> {
     weight: R,
     /// Sum of the weights times the vertices.
     moment: [R; 2],
@@ -252,27 +269,54 @@ struct Sums<'a, R> {
     moved_gradient: [[R; 2]; 2],
 }
 
+impl<R: Real> Terms<R> {
+    fn none() -> Self {
+        let zero = [R::ZERO; 2];
+        Self { weight: R::ZERO, moment: zero, moved: zero, weight_gradient: zero, moved_gradient: [zero; 2] }
+    }
+
+    fn join(&mut self, other: &Self) {
+        self.weight += other.weight;
+        for axis in 0..2 {
+            self.moment[axis] += other.moment[axis];
+            self.moved[axis] += other.moved[axis];
+            self.weight_gradient[axis] += other.weight_gradient[axis];
+            for row in 0..2 {
+                self.moved_gradient[row][axis] += other.moved_gradient[row][axis];
+            }
+        }
+    }
+}
+
+/// Sums over the vertices as they come, [`mean_value::BLOCK`] of them at a time. Displacements are taken relative to that of the
+/// vertex with the largest weight, whose own gradient, the only one that grows next to it, then drops out.
+struct Sums<'a, R> {
+    outline: &'a Outline<R>,
+    base: [R; 2],
+    all: Terms<R>,
+    /// Those of the last vertices, and how many they are.
+    block: Terms<R>,
+    count: usize,
+}
+
 impl<'a, R: Real> Sums<'a, R> {
     fn new(outline: &'a Outline<R>, pivot: usize) -> Self {
-        let zero = [R::ZERO; 2];
-        Self {
-            outline,
-            base: outline.displacements.get(pivot).copied().unwrap_or(zero),
-            weight: R::ZERO,
-            moment: zero,
-            moved: zero,
-            weight_gradient: zero,
-            moved_gradient: [zero; 2],
-        }
+        let base = outline.displacements.get(pivot).copied().unwrap_or([R::ZERO; 2]);
+        Self { outline, base, all: Terms::none(), block: Terms::none(), count: 0 }
     }
 
     #[inline(always)]
     fn add(&mut self, i: usize, w: R) {
+        if self.count == mean_value::BLOCK {
+            self.all.join(&self.block);
+            (self.block, self.count) = (Terms::none(), 0);
+        }
+        self.count += 1;
         let (v, u) = (self.outline.vertices[i], self.outline.displacements[i]);
-        self.weight += w;
+        self.block.weight += w;
         for axis in 0..2 {
-            self.moment[axis] += w * v[axis];
-            self.moved[axis] += w * (u[axis] - self.base[axis]);
+            self.block.moment[axis] += w * v[axis];
+            self.block.moved[axis] += w * (u[axis] - self.base[axis]);
         }
     }
 
@@ -281,32 +325,40 @@ impl<'a, R: Real> Sums<'a, R> {
         self.add(i, w);
         let u = self.outline.displacements[i];
         for axis in 0..2 {
-            self.weight_gradient[axis] += gradient[axis];
+            self.block.weight_gradient[axis] += gradient[axis];
             for row in 0..2 {
-                self.moved_gradient[row][axis] += (u[row] - self.base[row]) * gradient[axis];
+                self.block.moved_gradient[row][axis] += (u[row] - self.base[row]) * gradient[axis];
             }
         }
     }
 
+    fn all(&self) -> Terms<R> {
+        let mut all = self.all;
+        all.join(&self.block);
+        all
+    }
+
     /// The sum W of the weights. Far away it cancels, to (h / R)^2 of its terms; there it is taken from W p = sum w_i v_i, the
     /// linear precision of the coordinates, whose terms cancel to h / R only.
-    fn total(&self, p: [R; 2]) -> R {
+    fn total(&self, all: &Terms<R>, p: [R; 2]) -> R {
         let square = dot(p, p);
-        if square > self.outline.far { dot(self.moment, p) / square } else { self.weight }
+        if square > self.outline.far { dot(all.moment, p) / square } else { all.weight }
     }
 
     fn image(&self, p: [R; 2]) -> [R; 2] {
-        let total = self.total(p);
-        std::array::from_fn(|axis| p[axis] + (self.base[axis] + self.moved[axis] / total))
+        let all = self.all();
+        let total = self.total(&all, p);
+        std::array::from_fn(|axis| p[axis] + (self.base[axis] + all.moved[axis] / total))
     }
 
     fn evaluation(&self, p: [R; 2], branch: Branch) -> Evaluation<R> {
-        let inverse = R::ONE / self.total(p);
+        let all = self.all();
+        let inverse = R::ONE / self.total(&all, p);
         let mut derivative = [[R::ONE, R::ZERO], [R::ZERO, R::ONE]];
         for row in 0..2 {
-            let mean = self.moved[row] * inverse;
+            let mean = all.moved[row] * inverse;
             for axis in 0..2 {
-                derivative[row][axis] += (self.moved_gradient[row][axis] - mean * self.weight_gradient[axis]) * inverse;
+                derivative[row][axis] += (all.moved_gradient[row][axis] - mean * all.weight_gradient[axis]) * inverse;
             }
         }
         Evaluation { point: self.image(p), derivative, jacobian: determinant(derivative), branch }

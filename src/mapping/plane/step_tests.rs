@@ -227,3 +227,35 @@ fn wachspress_refuses_what_is_not_convex() {
     assert_eq!("wachspress".parse::<Coordinates>().unwrap(), Coordinates::Wachspress);
     assert!("green".parse::<Coordinates>().unwrap_err().to_string().contains("green"));
 }
+
+#[test]
+fn gradients_of_coordinates_reproduce_linear_functions_and_are_their_differences() {
+    let (star, convex) = (star(10, 1.0, 0.4, [0.0, 0.1]), hexagons().0);
+    for (kind, polygon) in
+        [(Coordinates::MeanValue, &star), (Coordinates::MeanValue, &convex), (Coordinates::Wachspress, &convex)]
+    {
+        let map = Step::<f64>::new(kind, polygon, polygon, 0.5);
+        for p in [[0.05, 0.1], [0.4, 0.005], [0.15, 0.05]] {
+            let gradients = map.gradients_of(p);
+            for axis in 0..2 {
+                let sum =
+                    |of: &dyn Fn(usize) -> f64| (0..gradients.len()).map(|i| of(i) * gradients[i][axis]).sum::<f64>();
+                assert!(sum(&|_| 1.0).abs() < 1e-11);
+                for row in 0..2 {
+                    let moment = sum(&|i| map.outline.vertices[i][row]);
+                    assert!((moment - f64::from(u8::from(row == axis))).abs() < 1e-11, "{kind} {moment}");
+                }
+                let h = 1e-6;
+                let beside = |h: f64| {
+                    let mut q = p;
+                    q[axis] += h;
+                    map.coordinates_of(q)
+                };
+                let (after, before) = (beside(h), beside(-h));
+                for (i, g) in gradients.iter().enumerate() {
+                    assert!((g[axis] - (after[i] - before[i]) / (2.0 * h)).abs() < 1e-6, "{kind} {i}");
+                }
+            }
+        }
+    }
+}

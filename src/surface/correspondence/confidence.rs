@@ -9,6 +9,8 @@ pub struct Evidence {
     /// `|ybar - image|`: how far the average lies off the source. Where the two surfaces and their anchors agree it is near zero; where the anchors do not
     /// determine the map, or another part of the surface comes near, it is large.
     pub residual: f64,
+    /// Error to be expected from what anchors show that are left out, grown with the distance from the nearest.
+    pub drift: f64,
     /// Inverse then forward on the target with its own anchors: distance from the start, in mean edges. Infinite where nothing was found; `None` where the residual is
     /// carried over, because the round trip is then the identity by construction.
     pub round_trip: Option<f64>,
@@ -21,6 +23,8 @@ pub struct Evidence {
 pub struct Trust {
     /// Residual at which confidence is one half.
     pub residual: f64,
+    /// Expected drift at which confidence is one half.
+    pub drift: f64,
     /// Round trip distance, in mean edges, at which confidence is one half.
     pub round_trip: f64,
     /// Confidence below which a point is doubtful.
@@ -28,10 +32,11 @@ pub struct Trust {
 }
 
 impl Default for Trust {
-    /// Measured on pairs with known truth and 80 to 93 anchors (`cargo bench --bench accuracy`): of the points with a residual below 0.03 none is off by more than
-    /// 0.05 of the square root of the area; of those above 0.05 a quarter to all are. With few anchors a wrong map can be smooth and consistent, and some are.
+    /// Calibrated on pairs with known truth and 80 to 93 anchors (docs/measurements.md, "What tells wrong from right"): where a residual above 0.05 is found a
+    /// quarter to all of the points are off by more than 0.05 of the square root of the area; where a drift of more than 0.016 is expected, a tenth to a half
+    /// of the area is off by more than 0.02, several times as much as elsewhere.
     fn default() -> Self {
-        Self { residual: 0.03, round_trip: 1.0, threshold: 0.5 }
+        Self { residual: 0.04, drift: 0.0161, round_trip: 1.0, threshold: 0.5 }
     }
 }
 
@@ -42,8 +47,11 @@ impl Trust {
             return (0.0, Status::Failed);
         }
         let falling = |x: f64, half: f64| 1.0 / (1.0 + (x / half) * (x / half));
-        let confidence =
-            e.round_trip.map_or(1.0, |d| falling(d, self.round_trip)).min(falling(e.residual, self.residual));
+        let confidence = e
+            .round_trip
+            .map_or(1.0, |d| falling(d, self.round_trip))
+            .min(falling(e.residual, self.residual))
+            .min(falling(e.drift, self.drift));
         (confidence, if confidence >= self.threshold { Status::Valid } else { Status::Doubtful })
     }
 
@@ -63,9 +71,10 @@ mod tests {
     #[test]
     fn each_kind_of_evidence_can_condemn() {
         let trust = Trust::default();
-        let good = Evidence { residual: 0.001, round_trip: Some(0.01), found: Found::Walk };
+        let good = Evidence { residual: 0.001, drift: 0.001, round_trip: Some(0.01), found: Found::Walk };
         assert_eq!(trust.judge(&good).1, Status::Valid);
-        assert_eq!(trust.judge(&Evidence { residual: 0.05, ..good }).1, Status::Doubtful);
+        assert_eq!(trust.judge(&Evidence { residual: 0.06, ..good }).1, Status::Doubtful);
+        assert_eq!(trust.judge(&Evidence { drift: 0.02, ..good }).1, Status::Doubtful);
         assert_eq!(trust.judge(&Evidence { round_trip: Some(2.0), ..good }).1, Status::Doubtful);
         assert_eq!(trust.judge(&Evidence { round_trip: Some(f64::INFINITY), ..good }), (0.0, Status::Doubtful));
         assert_eq!(trust.judge(&Evidence { found: Found::Nothing, ..good }), (0.0, Status::Failed));

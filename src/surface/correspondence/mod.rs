@@ -2,7 +2,8 @@
 
 mod baseline;
 mod confidence;
-mod procrustes;
+pub(crate) mod drift;
+pub(crate) mod procrustes;
 mod weighted;
 
 pub use baseline::Baseline;
@@ -16,6 +17,7 @@ use crate::geometry::{Mesh, Topology};
 
 use super::anchors::AnchorPairs;
 use super::embedding::Embedding;
+use super::field::{Field, FieldOptions};
 use super::packed::{PackedPoint, PointMap};
 
 /// How points of the target are carried to the source.
@@ -26,6 +28,8 @@ pub enum Method {
     /// Weighted averages with the residual of the inverse problem carried over; the identity for equal surfaces.
     #[default]
     Transport,
+    /// An image for every vertex, predicted in the embedding and in space and relaxed onto the source ([`super::field`]): the most accurate.
+    Field,
     /// Spatial radial basis functions through the anchors, then the closest point.
     Rbf,
     /// Similarity alignment by the anchors, then the closest point.
@@ -38,6 +42,7 @@ impl Method {
         match self {
             Self::Averages => "averages",
             Self::Transport => "transport",
+            Self::Field => "field",
             Self::Rbf => "rbf",
             Self::Closest => "closest",
         }
@@ -45,7 +50,7 @@ impl Method {
 
     /// Whether the method needs embeddings.
     pub fn needs_embedding(self) -> bool {
-        matches!(self, Self::Averages | Self::Transport)
+        matches!(self, Self::Averages | Self::Transport | Self::Field)
     }
 }
 
@@ -114,6 +119,20 @@ fn weighted<S: LaneScalar>(
     options: &CorrespondenceOptions,
 ) -> Result<Box<dyn PointMap + Send>> {
     let dimension = dimension(&source, &target)?;
+    if options.method == Method::Field {
+        let options = FieldOptions { confidence: options.confidence, ..FieldOptions::default() };
+        return Ok(match dimension {
+            4 => Box::new(Field::<S, 8>::new::<4>(source, target, anchors, &options)?),
+            8 => Box::new(Field::<S, 12>::new::<8>(source, target, anchors, &options)?),
+            d => {
+                return Err(Error::option(
+                    "dimension",
+                    format!("the method field works in 4 or 8 dimensions, not in {d}"),
+                    "Embed with --dimension 8, or use --method transport",
+                ));
+            }
+        });
+    }
     Ok(match dimension {
         4 => Box::new(WeightedAverages::<S, 4>::new(source, target, anchors, options)?),
         8 => Box::new(WeightedAverages::<S, 8>::new(source, target, anchors, options)?),

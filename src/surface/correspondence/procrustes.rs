@@ -8,7 +8,7 @@ use crate::surface::vector::{Vector, sub};
 const COMPLETION: f64 = 1e-6;
 
 /// The identity.
-pub(super) fn identity<const D: usize>() -> [Vector<f64, D>; D] {
+pub(crate) fn identity<const D: usize>() -> [Vector<f64, D>; D] {
     std::array::from_fn(|r| std::array::from_fn(|c| if r == c { 1.0 } else { 0.0 }))
 }
 
@@ -17,7 +17,7 @@ pub(super) fn identity<const D: usize>() -> [Vector<f64, D>; D] {
 ///
 /// Directions the points do not span (fewer than `D + 1` of them, or none but a few with a weight that counts) are completed as near to `completion` as possible: a millionth of it is
 /// added, so that with the identity equal point sets of any number give the identity.
-pub(super) fn orthogonal<const D: usize>(
+pub(crate) fn orthogonal<const D: usize>(
     a: &[Vector<f64, D>],
     b: &[Vector<f64, D>],
     weights: &[f64],
@@ -43,6 +43,10 @@ pub(super) fn orthogonal<const D: usize>(
             covariance[(r, c)] += COMPLETION * size * completion[r][c];
         }
     }
+    // Without weights there are no means; the decomposition does not end on what is not finite.
+    if !covariance.iter().all(|x| x.is_finite()) {
+        return *completion;
+    }
     let svd = covariance.svd(true, true);
     let (Some(u), Some(vt)) = (svd.u, svd.v_t) else {
         return *completion;
@@ -64,6 +68,13 @@ mod tests {
                 assert!((x - f64::from(u8::from(i == j))).abs() < 1e-9, "{q:?}");
             }
         }
+    }
+
+    #[test]
+    fn no_weights_give_the_completion() {
+        let a = [[1.0, 2.0, 3.0, 4.0], [0.0, 1.0, 0.0, 2.0]];
+        assert_eq!(orthogonal(&a, &a, &[0.0; 2], &identity()), identity());
+        assert_eq!(orthogonal(&[[f64::NAN; 4]; 2], &a, &[1.0; 2], &identity()), identity());
     }
 
     #[test]

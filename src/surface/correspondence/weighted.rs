@@ -6,13 +6,14 @@ use crate::engine::{LaneScalar, Lanes, Real};
 use crate::error::{Error, Result};
 use crate::geometry::{NONE, SurfacePoint};
 use crate::surface::anchors::AnchorPairs;
-use crate::surface::average::{AnchorTable, AveragedChunk, FusedWeights, GAMMA, SweepAnchors, orthonormalise, weights};
+use crate::surface::average::{AnchorTable, AveragedChunk, FusedWeights, SweepAnchors, orthonormalise, weights};
 use crate::surface::packed::{PackedImage, PackedPoint, PointMap};
 use crate::surface::project::{Found, Projection, SearchLimits};
 use crate::surface::vector::{Vector, add_scaled, cast, combine, distance_squared, dot, sub};
 use crate::surface::{NearestVertex, PhongSurface};
 
 use super::confidence::{Evidence, Trust};
+use super::drift::{Anchors, expected_drift, nearness};
 use super::procrustes::{identity, orthogonal};
 use super::{CorrespondenceOptions, Method, Shape, check_faces};
 
@@ -56,17 +57,7 @@ fn local_corrections<const D: usize>(
             weights(&vertex.y, &vertex.t, a, &mut w);
             let own = w.iter().zip(a).fold([0.0; D], |sum, (&w, a)| add_scaled(&sum, w, a));
             let r = sub(&vertex.y, &own);
-            let nearness: Vec<f64> = a
-                .iter()
-                .map(|a| {
-                    let d = sub(a, &vertex.y);
-                    let (p, q) = (dot(&d, &vertex.t[0]), dot(&d, &vertex.t[1]));
-                    let tangential = p * p + q * q;
-                    // A thousandth of an edge squared keeps the weight of an anchor at the vertex finite.
-                    (tangential + GAMMA * (dot(&d, &d) - tangential).max(0.0) + 1e-6).powi(-2)
-                })
-                .collect();
-            let local = orthogonal(a, b, &nearness, q);
+            let local = orthogonal(a, b, &nearness(&(vertex.y, vertex.t), a), q);
             let d = std::array::from_fn(|i| scale * (dot(&local[i], &r) - dot(&q[i], &r)));
             Correction { d, residual: dot(&r, &r).sqrt() }
         })
@@ -110,6 +101,8 @@ pub struct WeightedAverages<S: Real, const D: usize> {
     pub start_faces: Vec<u32>,
     /// For each vertex of the target the vertex of the target nearest to the average of its own anchors; empty with transport.
     pub own_starts: Vec<u32>,
+    /// For each vertex of the target how far its image may be off, over the square root of the source's area; empty without evidence.
+    pub drift: Vec<f64>,
     /// Mean edge of the embedded source over the square root of its area.
     pub unit: f64,
     /// What the evidence is judged by.
@@ -152,6 +145,12 @@ impl<S: Real, const D: usize> WeightedAverages<S, D> {
             None => Vec::new(),
             Some(q) => local_corrections(&target_surface, &a, &b, q, scale),
         };
+        let drift = if options.confidence {
+            let known = Anchors { a: &a, b: &b };
+            expected_drift(&source_surface, &target_surface, anchors, known, global.map(|_| scale))
+        } else {
+            Vec::new()
+        };
         let table = AnchorTable::new(a, image)?.cast();
         let mut map = Self {
             target: target_surface.cast(),
@@ -165,6 +164,7 @@ impl<S: Real, const D: usize> WeightedAverages<S, D> {
             starts: Vec::new(),
             start_faces: Vec::new(),
             own_starts: Vec::new(),
+            drift: drift.iter().map(|d| d * unit_source).collect(),
             unit: unit_source,
             trust: Trust::default(),
             confidence: options.confidence,
@@ -274,26 +274,26 @@ impl<S: Real, const D: usize> WeightedAverages<S, D> {
     }
 
     /// Forward problem: projects an average of a point of the target's triangle `face` onto the source.
-    ///
-    /// Nearly always the barycentric walk from the image of the triangle's centroid ends at a projection that is nearer than the images of the
-    /// triangle's vertices; else these start the search, and a second, longer one for what that leaves.
     #[inline(always)]
     pub fn forward(&self, face: u32, mean: &Vector<S, D>) -> Projection<S> {
-        let starts = self.starts_of(face);
-        if let Some(p) = self.source.project_from(mean, self.start_faces[face as usize], &starts) {
-            return p;
+        self.source.project_near(mean, self.start_faces[face as usize], &self.starts_of(face))
+    }
+
+    /// The expected error of a point, between those of the vertices around it.
+    pub fn drift_at(&self, point: PackedPoint) -> f64 {
+        if self.drift.is_empty() {
+            return 0.0;
         }
-        let first = self.source.project(mean, &starts, SearchLimits::FIRST);
-        if first.found == Found::Nothing && first.face != NONE {
-            return self.source.project(mean, &starts, SearchLimits::SECOND);
-        }
-        first
+        let v = self.target.triangles[point.face as usize].v;
+        coordinates::<f64>(point).iter().zip(v).map(|(x, v)| x * self.drift[v as usize]).sum::<f64>().max(0.0)
     }
 
     /// What speaks for and against the image of a point.
-    pub fn evidence(&self, face: u32, scratch: &Scratch<S, D>, image: &Projection<S>) -> Evidence {
+    pub fn evidence(&self, point: PackedPoint, scratch: &Scratch<S, D>, image: &Projection<S>) -> Evidence {
+        let face = point.face;
         Evidence {
             residual: image.distance_squared.to_f64().sqrt() * self.unit,
+            drift: self.drift_at(point),
             round_trip: scratch
                 .own
                 .filter(|_| self.transport.is_none())
@@ -315,16 +315,16 @@ impl<S: Real, const D: usize> WeightedAverages<S, D> {
     /// Maps one point.
     pub fn map_point(&self, point: PackedPoint) -> PackedImage {
         let scratch = self.average(point.face, coordinates(point));
-        self.finish(point.face, &scratch)
+        self.finish(point, &scratch)
     }
 
-    fn finish(&self, face: u32, scratch: &Scratch<S, D>) -> PackedImage {
-        let image = self.forward(face, &scratch.mean);
+    fn finish(&self, point: PackedPoint, scratch: &Scratch<S, D>) -> PackedImage {
+        let image = self.forward(point.face, &scratch.mean);
         if image.face == NONE {
             return PackedImage::NOWHERE;
         }
         let (confidence, status) = if self.confidence {
-            self.trust.judge(&self.evidence(face, scratch, &image))
+            self.trust.judge(&self.evidence(point, scratch, &image))
         } else {
             Trust::unchecked(image.found)
         };
@@ -353,7 +353,7 @@ impl<S: LaneScalar, const D: usize> WeightedAverages<S, D> {
         for (i, (point, image)) in points.iter().zip(out).enumerate() {
             let (y, own) = (chunk.point(i), self.averages_own().then(|| chunk.mean(1, i)));
             let mean = self.correct(point.face, &coordinates(*point), &y, own.as_ref(), chunk.mean(0, i));
-            *image = self.finish(point.face, &Scratch { y, own, mean });
+            *image = self.finish(*point, &Scratch { y, own, mean });
         }
     }
 }

@@ -1,14 +1,11 @@
 //! Least-squares meshes: the smoothest mesh of R^D through given positions of some vertices (equation 15).
 
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::cholesky::llt::factor::LltRegularization;
-use faer::sparse::linalg::cholesky::{SymmetricOrdering, factorize_symbolic_cholesky};
-use faer::sparse::{SparseColMat, SymbolicSparseColMat};
-use faer::{Conj, Mat, Par, Side};
+use faer::Mat;
 use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
+use crate::geometry::cholesky::SparseCholesky;
 use crate::geometry::{Laplacian, SparseRows};
 
 /// Columns of the system assembled by one task.
@@ -70,7 +67,9 @@ pub(crate) fn least_squares_mesh(
 
 /// The normal equations of the free vertices: lower half by columns, and right-hand sides.
 struct System {
-    matrix: SparseColMat<usize, f64>,
+    starts: Vec<usize>,
+    rows: Vec<usize>,
+    values: Vec<f64>,
     right: Mat<f64>,
 }
 
@@ -152,43 +151,15 @@ impl System {
             row_indices.extend(block.rows);
             values.extend(block.values);
         }
-        let symbolic = SymbolicSparseColMat::new_checked(free.len(), free.len(), starts, None, row_indices);
-        Self { matrix: SparseColMat::new(symbolic, values), right }
+        Self { starts, rows: row_indices, values, right }
     }
 
     /// The solution, or `None` if the matrix is not numerically positive definite.
     fn solve(self) -> Result<Option<Mat<f64>>> {
-        let failed = |what: &str| {
-            Error::numeric(
-                format!("the least-squares mesh of the embedding could not be solved for: {what}"),
-                "Use a smaller mesh or more memory",
-            )
-        };
-        let matrix = self.matrix.as_ref();
-        let symbolic =
-            factorize_symbolic_cholesky(matrix.symbolic(), Side::Lower, SymmetricOrdering::Amd, Default::default())
-                .map_err(|e| failed(&format!("{e:?}")))?;
-        // Sequential: the number of threads must not change the result.
-        let par = Par::Seq;
-        let memory = |request| MemBuffer::try_new(request).map_err(|_| failed("out of memory"));
-        let mut factor = Vec::new();
-        factor.try_reserve_exact(symbolic.len_val()).map_err(|_| failed("out of memory"))?;
-        factor.resize(symbolic.len_val(), 0.0);
-        let mut scratch = memory(symbolic.factorize_numeric_llt_scratch::<f64>(par, Default::default()))?;
-        let Ok(llt) = symbolic.factorize_numeric_llt(
-            &mut factor,
-            matrix,
-            Side::Lower,
-            LltRegularization::default(),
-            par,
-            MemStack::new(&mut scratch),
-            Default::default(),
-        ) else {
-            return Ok(None);
-        };
+        let what = "the least-squares mesh of the embedding";
+        let Some(factor) = SparseCholesky::new(what, self.starts, self.rows, self.values)? else { return Ok(None) };
         let mut x = self.right;
-        let mut scratch = memory(symbolic.solve_in_place_scratch::<f64>(x.ncols(), par))?;
-        llt.solve_in_place_with_conj(Conj::No, x.as_mut(), par, MemStack::new(&mut scratch));
+        factor.solve(&mut x)?;
         let finite = (0..x.ncols()).all(|k| x.col_as_slice(k).iter().all(|v| v.is_finite()));
         Ok(finite.then_some(x))
     }

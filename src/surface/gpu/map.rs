@@ -143,7 +143,7 @@ impl DeviceMap {
     }
 
     /// What the kernels found for a point, judged; `None` where they left it to the reference.
-    fn judge(&self, image: &Projected, back: Option<&Projected>) -> Option<PackedImage> {
+    fn judge(&self, point: PackedPoint, image: &Projected, back: Option<&Projected>) -> Option<PackedImage> {
         let found = |p: &Projected| match p.found & Projected::HOW {
             1 => Some(Found::Walk),
             2 => Some(Found::Search),
@@ -159,7 +159,7 @@ impl DeviceMap {
         };
         let (confidence, status) = if self.map.gathers_evidence() {
             let residual = f64::from(image.distance_squared).sqrt() * self.map.unit;
-            self.map.trust.judge(&Evidence { residual, round_trip, found: f })
+            self.map.trust.judge(&Evidence { residual, drift: self.map.drift_at(point), round_trip, found: f })
         } else {
             Trust::unchecked(f)
         };
@@ -181,7 +181,7 @@ impl DeviceMap {
         images: &mut Vec<PackedImage>,
     ) -> Result<()> {
         let judged: Vec<Option<PackedImage>> =
-            (0..points.len()).into_par_iter().map(|i| self.judge(&found[i], back.map(|b| &b[i]))).collect();
+            (0..points.len()).into_par_iter().map(|i| self.judge(points[i], &found[i], back.map(|b| &b[i]))).collect();
         let left: Vec<PackedPoint> = points.iter().zip(&judged).filter(|(_, j)| j.is_none()).map(|(p, _)| *p).collect();
         self.left.fetch_add(left.len() as u64, Ordering::Relaxed);
         let mut rest = Vec::new();

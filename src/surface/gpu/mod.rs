@@ -23,7 +23,7 @@ use crate::error::Result;
 use crate::surface::Embedding;
 use crate::surface::anchors::AnchorPairs;
 use crate::surface::correspondence::{
-    CorrespondenceOptions, Precision, Shape, WeightedAverages, correspondence, dimension,
+    CorrespondenceOptions, Method, Precision, Shape, WeightedAverages, correspondence, dimension,
 };
 use crate::surface::packed::PointMap;
 
@@ -60,7 +60,7 @@ pub fn correspondence_on(
     if engine.gpu().is_none() {
         return on_cpu(None);
     }
-    if !options.method.needs_embedding() {
+    if !options.method.needs_embedding() || options.method == Method::Field {
         return on_cpu(Some(format!("method {} runs on the CPU", options.method.name())));
     }
     if let Some(why) = DeviceMap::obstacle(engine, dimension(&source, &target)?) {

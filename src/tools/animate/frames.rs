@@ -1,13 +1,13 @@
 //! Frames of a moving mesh as numbered files, and several of them in one picture.
 
-use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use glam::DVec3;
 use image::{Rgba, RgbaImage};
 
 use crate::error::{Error, Result};
 use crate::geometry::Mesh;
+use crate::io::output_set::OutputFolder;
 use crate::io::{write_obj, write_ply};
 use crate::tools::render::{Coloring, MAX_SIZE, RenderOptions, render};
 
@@ -20,18 +20,14 @@ pub enum FrameFormat {
     Ply,
 }
 
-/// A folder of numbered meshes, `frame_0000.obj` and so on, that appears whole or not at all: the files are written to a folder beside it, which
-/// takes the name when [`FrameFolder::finish`] is called and is removed when that does not happen.
+/// A folder of numbered meshes, `frame_0000.obj` and so on, that appears whole or not at all.
 #[derive(Debug)]
 pub struct FrameFolder {
-    place: PathBuf,
-    building: tempfile::TempDir,
+    folder: OutputFolder,
     format: FrameFormat,
     digits: usize,
     written: usize,
 }
-
-const REMEDY: &str = "Name a folder that does not exist yet, or an empty one, in a folder that may be written";
 
 impl FrameFolder {
     /// Begins a sequence of `count` frames at `place`, which must not exist or be an empty folder.
@@ -39,16 +35,9 @@ impl FrameFolder {
     /// # Errors
     /// [`Error::Io`] if it exists with content or its parent cannot be written.
     pub fn create(place: impl AsRef<Path>, count: usize, format: FrameFormat) -> Result<Self> {
-        let place = place.as_ref().to_path_buf();
-        let failed = |e| Error::io(&place, e, REMEDY);
-        if place.exists() && std::fs::read_dir(&place).map_err(failed)?.next().is_some() {
-            return Err(failed(io::Error::new(io::ErrorKind::AlreadyExists, "the folder is not empty")));
-        }
-        let parent = place.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let building =
-            tempfile::Builder::new().prefix(".frames.").suffix(".partial").tempdir_in(parent).map_err(failed)?;
+        let folder = OutputFolder::create(place)?;
         let digits = count.saturating_sub(1).max(1).to_string().len().max(4);
-        Ok(Self { place, building, format, digits, written: 0 })
+        Ok(Self { folder, format, digits, written: 0 })
     }
 
     /// Writes the next frame: `mesh` with its vertices at `positions`.
@@ -59,8 +48,8 @@ impl FrameFolder {
         let moved = moved(mesh, positions)?;
         let name = format!("frame_{:0digits$}", self.written, digits = self.digits);
         match self.format {
-            FrameFormat::Obj => write_obj(&moved, self.building.path().join(name + ".obj"))?,
-            FrameFormat::Ply => write_ply(&moved, None, self.building.path().join(name + ".ply"))?,
+            FrameFormat::Obj => write_obj(&moved, self.folder.path().join(name + ".obj"))?,
+            FrameFormat::Ply => write_ply(&moved, None, self.folder.path().join(name + ".ply"))?,
         }
         self.written += 1;
         Ok(())
@@ -71,21 +60,7 @@ impl FrameFolder {
     /// # Errors
     /// [`Error::Io`] if that is not possible; the frames are removed then.
     pub fn finish(self) -> Result<usize> {
-        let failed = |e| Error::io(&self.place, e, REMEDY);
-        if self.place.is_dir() {
-            // Empty, or this fails and nothing is lost.
-            std::fs::remove_dir(&self.place).map_err(failed)?;
-        }
-        #[cfg(unix)]
-        {
-            use std::os::unix::fs::PermissionsExt;
-            // Temporary folders are private; a result is as readable as any other file.
-            let open = std::fs::Permissions::from_mode(0o755);
-            std::fs::set_permissions(self.building.path(), open).map_err(failed)?;
-        }
-        std::fs::rename(self.building.path(), &self.place).map_err(failed)?;
-        // Nothing is left at the temporary name to remove.
-        let _ = self.building.keep();
+        self.folder.finish()?;
         Ok(self.written)
     }
 }

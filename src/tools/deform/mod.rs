@@ -15,6 +15,7 @@ use crate::encoding::{
     Connectivity, DecodeReport, Decoder, Frame, Hierarchy, HierarchyOptions, Quality, SequenceQuality, Similarity, V3,
     cache_key,
 };
+use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, NONE};
 use crate::io::cache::Cache;
@@ -119,6 +120,11 @@ impl Deformer {
             warnings,
             connectivity,
         })
+    }
+
+    /// Does on the device of `engine`, if it has one, what a decode does there; see [`Decoder::decode_on`].
+    pub fn decode_on(&mut self, engine: &Engine) {
+        self.decoder.decode_on(engine);
     }
 
     /// The decoder, with its hierarchy.

@@ -16,6 +16,10 @@ pub fn linear_to_srgb(x: f32) -> f32 {
 
 /// A depth of samples.
 pub(crate) trait Sample: Copy + Default + Send + Sync + 'static {
+    /// What a sample's number is multiplied by to become a value.
+    const UNIT: f32;
+    /// The number that is stored.
+    fn number(self) -> f32;
     /// The value to average: in 0..1 for integers; light if `light`.
     fn decode(self, light: bool) -> f32;
     /// The nearest sample to a value.
@@ -39,9 +43,16 @@ fn light_table(most: u32) -> Vec<f32> {
 }
 
 impl Sample for u8 {
+    const UNIT: f32 = 1.0 / 255.0;
+
+    #[inline]
+    fn number(self) -> f32 {
+        f32::from(self)
+    }
+
     #[inline]
     fn decode(self, light: bool) -> f32 {
-        if light { LIGHT_8[self as usize] } else { f32::from(self) * (1.0 / 255.0) }
+        if light { LIGHT_8[self as usize] } else { self.number() * Self::UNIT }
     }
 
     #[inline]
@@ -53,9 +64,16 @@ impl Sample for u8 {
 }
 
 impl Sample for u16 {
+    const UNIT: f32 = 1.0 / 65535.0;
+
+    #[inline]
+    fn number(self) -> f32 {
+        f32::from(self)
+    }
+
     #[inline]
     fn decode(self, light: bool) -> f32 {
-        if light { LIGHT_16[self as usize] } else { f32::from(self) * (1.0 / 65535.0) }
+        if light { LIGHT_16[self as usize] } else { self.number() * Self::UNIT }
     }
 
     #[inline]
@@ -67,6 +85,13 @@ impl Sample for u16 {
 
 /// Floats hold light already.
 impl Sample for f32 {
+    const UNIT: f32 = 1.0;
+
+    #[inline]
+    fn number(self) -> f32 {
+        self
+    }
+
     #[inline]
     fn decode(self, _light: bool) -> f32 {
         self

@@ -3,7 +3,8 @@
 use rayon::prelude::*;
 
 use super::filter::Filter;
-use super::gather::{Block, Preimage, warp_image};
+use super::footprint::Seen;
+use super::gather::{Block, warp_image};
 use super::pyramid::{Pyramid, Texel, Window};
 
 /// Pixels along a side of a block: its pre-images lie close together, so that one decoded window serves them all.
@@ -76,7 +77,7 @@ impl Band {
         pyramid: &Pyramid<'_>,
         filter: Filter,
         bases: &[[i32; 2]],
-        preimages: &[Preimage],
+        seen: Seen<'_>,
         colors: &mut [Texel],
     ) {
         let places = self.places();
@@ -88,8 +89,8 @@ impl Band {
             parts.push(part);
         }
         let work = |window: &mut Window, ((place, base), out): ((&Place, &[i32; 2]), &mut [Texel])| {
-            let preimages = &preimages[place.start..place.start + out.len()];
-            warp_image(pyramid, filter, &Block { width: place.width, base: *base, preimages }, window, out);
+            let seen = seen.part(place.start..place.start + out.len());
+            warp_image(pyramid, filter, &Block { width: place.width, base: *base, seen }, window, out);
         };
         places.par_iter().zip(bases).zip(parts).for_each_init(Window::default, work);
     }

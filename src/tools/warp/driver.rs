@@ -5,7 +5,7 @@ use glam::{DVec2, UVec2};
 use super::band::Band;
 use super::cover::pixel_cover;
 use super::filter::Filter;
-use super::gather::Preimage;
+use super::footprint::{Footprint, Footprints};
 use super::gpu;
 use super::placement::Placement;
 use super::pyramid::{Pyramid, Texel};
@@ -152,7 +152,7 @@ struct Work {
     /// Share of each pixel in the cage, row by row; empty where everything is shown.
     cover: Vec<f32>,
     /// Block by block, as the next three.
-    preimages: Vec<Preimage>,
+    seen: Footprints,
     colors: Vec<Texel>,
     jacobian: Vec<f32>,
     bases: Vec<[i32; 2]>,
@@ -206,13 +206,14 @@ impl Job<'_> {
     /// The colours of a band into the output, gathered on the device if the engine has one for this stage.
     fn colors(&self, band: Band, work: &mut Work, out: &mut Image) -> Result<()> {
         let (pyramid, filter) = (&self.pyramid, self.options.filter);
-        let Work { bases, preimages, colors, cover, .. } = work;
+        let Work { bases, seen, colors, cover, .. } = work;
+        let seen = seen.seen();
         let keep = (self.options.outside == Outside::Keep).then_some(cover.as_slice());
-        let pixels = Colors { band, preimages, keep };
+        let pixels = Colors { band, seen, keep };
         if let Some(gpu) = self.engine.gpu_for("warp_image") {
             colors.clear();
             colors.resize(band.len(), [0.0; 4]);
-            if gpu::warp_image(gpu, pyramid, filter, bases, preimages, colors)? {
+            if gpu::warp_image(gpu, pyramid, filter, band, bases, seen, colors)? {
                 store(pyramid, colors, &pixels, out);
                 return Ok(());
             }
@@ -274,12 +275,11 @@ impl Job<'_> {
                 }
             }
         }
-        work.preimages.clear();
-        work.preimages.resize(band.len(), Preimage::default());
+        work.seen.reset(band.len(), o.filter == Filter::Ewa);
         work.jacobian.clear();
         work.jacobian.resize(band.len(), f32::NAN);
         work.bases.clear();
-        for (block, place) in (0u32..).zip(&places) {
+        for place in &places {
             let range = place.start..place.start + place.width * place.height;
             let at = |m: &Mapped| o.source.to_pixels(m.point);
             let middle = found[range.clone()].iter().flatten().map(at).find(|p| p.is_finite()).unwrap_or(DVec2::ZERO);
@@ -291,16 +291,16 @@ impl Job<'_> {
                 stats.mapped += 1;
                 let forward = o.source.derivative(&o.target, mapped.derivative);
                 work.jacobian[i] = forward.determinant() as f32;
-                work.preimages[i] = Preimage { block, ..self.look(at(mapped), base, forward, cover(x, y)) };
+                work.seen.set(i, self.look(at(mapped), base, forward, cover(x, y)));
             }
         }
-        let blank = |(p, [x, y]): &(&Preimage, &[u32; 2])| p.cover == 0.0 && cover(*x as usize, *y as usize) > 0.0;
-        stats.empty += work.preimages.iter().zip(&pixel).filter(blank).count() as u64;
+        let blank = |(seen, [x, y]): &(&f32, &[u32; 2])| **seen == 0.0 && cover(*x as usize, *y as usize) > 0.0;
+        stats.empty += work.seen.seen().cover().iter().zip(&pixel).filter(blank).count() as u64;
         Ok(())
     }
 
     /// Where a pixel looks, with its share in the result.
-    fn look(&self, at: DVec2, base: DVec2, forward: glam::DMat2, cover: f32) -> Preimage {
+    fn look(&self, at: DVec2, base: DVec2, forward: glam::DMat2, cover: f32) -> Footprint {
         let backward = forward.inverse();
         let (dx, dy) = (backward.x_axis, backward.y_axis);
         // How much of the pixel sees the picture, from the distance to its sides in output pixels: no jagged borders. Where the
@@ -311,10 +311,10 @@ impl Job<'_> {
         };
         let seen = side(at.x, self.image.width, dx.x.hypot(dy.x)) * side(at.y, self.image.height, dx.y.hypot(dy.y));
         if !(at.is_finite() && dx.is_finite() && dy.is_finite() && seen > 0.0) {
-            return Preimage::default();
+            return Footprint::default();
         }
         let single = |v: DVec2| v.as_vec2().to_array();
-        Preimage { at: single(at - base), dx: single(dx), dy: single(dy), cover: cover.min(seen as f32), block: 0 }
+        Footprint { at: single(at - base), dx: single(dx), dy: single(dy), cover: cover.min(seen as f32) }
     }
 }
 

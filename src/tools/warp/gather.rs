@@ -2,26 +2,14 @@
 
 use std::ops::Range;
 
+use super::band::BLOCK;
+use super::direct;
 use super::ewa::{Ellipse, average};
-use super::filter::{BILINEAR_REACH, Filter, LANCZOS_REACH, LanczosTable, bilinear, lanczos};
+use super::filter::{Filter, LanczosTable};
+use super::footprint::{Bounds, FARTHEST, Seen};
+use super::interpolate::{Bilinear, Grid, Interpolation, Lanczos, Places, interpolate};
 use super::pyramid::{Pyramid, Texel, Window};
 use crate::engine::{Lane, Lanes, Sweep};
-
-/// Where an output pixel looks.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-pub struct Preimage {
-    /// The pre-image of the pixel's centre, in pixels of the picture from the block's base (centres of pixels at halves).
-    pub at: [f32; 2],
-    /// How the pre-image moves when the output pixel moves one to the right.
-    pub dx: [f32; 2],
-    /// How it moves when the output pixel moves one down.
-    pub dy: [f32; 2],
-    /// Share of the colour in the result, 0 for pixels that look nowhere: the others need finite numbers.
-    pub cover: f32,
-    /// Number of the block it belongs to, for the kernel.
-    pub block: u32,
-}
 
 /// A block of output pixels with their pre-images, row by row.
 #[derive(Clone, Copy, Debug)]
@@ -30,8 +18,8 @@ pub struct Block<'a> {
     pub width: usize,
     /// What pre-images are counted from, so that single precision holds them also in pictures of millions of pixels a side.
     pub base: [i32; 2],
-    /// One for each pixel.
-    pub preimages: &'a [Preimage],
+    /// Where each of them looks.
+    pub seen: Seen<'a>,
 }
 
 /// A rectangle of pixels of a block.
@@ -63,6 +51,18 @@ impl Extent {
         }
     }
 
+    /// The texels within `reach` of those that hold points between the bounds.
+    #[inline(always)]
+    pub(super) fn within(bounds: &Bounds, reach: i32) -> Self {
+        if bounds.pixels == 0 {
+            return Self::EMPTY;
+        }
+        let limit = |v: [f32; 2]| v.map(|v| v.clamp(-FARTHEST, FARTHEST));
+        let mut extent = Self::around(limit(bounds.low), [reach; 2]);
+        extent.join(&Self::around(limit(bounds.high), [reach; 2]));
+        extent
+    }
+
     /// What an ellipse about `p` reads; two texels more: the base may lie between texels of the level, and rows are rounded
     /// outwards.
     #[inline(always)]
@@ -83,17 +83,6 @@ impl Extent {
     }
 }
 
-/// Farther than this from the base, single precision does not tell pixels apart, nor is there a picture.
-pub(super) const FARTHEST: f32 = 4_194_304.0;
-
-impl Preimage {
-    /// The pre-image, kept where numbers of texels and parts of them are exact.
-    #[inline(always)]
-    pub(super) fn place(&self) -> [f32; 2] {
-        self.at.map(|v| v.clamp(-FARTHEST, FARTHEST))
-    }
-}
-
 /// The largest integer not above `x`; without SSE 4.1, `f32::floor` is a call.
 #[inline(always)]
 fn floor(x: f32) -> i32 {
@@ -107,74 +96,43 @@ trait Gather: Sync {
     fn level(&self) -> u32;
     /// Texels of a window that are worth decoding for one pixel: about twice what it reads.
     fn worth(&self) -> usize;
-    /// Whether pixel `index` takes part.
-    fn takes(&self, index: usize) -> bool;
-    /// Place and reach of a pixel that takes part, in texels of the level from the base.
-    fn extent(&self, index: usize) -> Extent;
-    /// What the pixels of a part read together, and how many take part.
-    fn extents(&self, block: &Block<'_>, part: Part) -> (Extent, usize) {
-        let mut extent = Extent::EMPTY;
-        let mut pixels = 0;
-        for y in part.y..part.y + part.height {
-            for index in y * block.width + part.x..y * block.width + part.x + part.width {
-                if self.takes(index) {
-                    extent.join(&self.extent(index));
-                    pixels += 1;
-                }
-            }
-        }
-        (extent, pixels)
-    }
-    /// Adds the pixel's colour, given the window and where the base lies in it.
-    fn add<L: Lane<E = f32>>(
-        &self,
-        cpu: L::Cpu,
-        index: usize,
-        texels: &[Texel],
-        stride: usize,
-        base: [f32; 2],
-        out: &mut Texel,
-    );
-    /// [`Gather::add`] for the pixels of `row` that take part.
-    #[inline(always)]
-    fn add_row<L: Lane<E = f32>>(
-        &self,
-        cpu: L::Cpu,
-        row: Range<usize>,
-        texels: &[Texel],
-        stride: usize,
-        base: [f32; 2],
-        out: &mut [Texel],
-    ) {
-        for index in row {
-            if self.takes(index) {
-                self.add::<L>(cpu, index, texels, stride, base, &mut out[index]);
-            }
-        }
-    }
+    /// What the pixels of a part read together, in texels of the level from the base, and how many take part.
+    fn extents(&self, block: &Block<'_>, part: Part) -> (Extent, usize);
+    /// Adds the colours of those pixels of a row of the block that take part, given the window and where the base lies in it.
+    fn add_row<L: Lane<E = f32>>(&self, cpu: L::Cpu, row: Range<usize>, window: &Grid<&[Texel]>, out: &mut [Texel]);
 }
 
-/// The colours of a block: decoded, multiplied by alpha, not yet by [`Preimage::cover`]; left as they are where that is 0.
+/// The colours of a block: decoded, multiplied by alpha, not yet by the cover; left as they are where that is 0.
 ///
 /// The mirror of the kernel of the same name. Time O(pixels x texels read); memory for a window of a few hundred texels a side.
 /// The picture is continued by its border.
 pub fn warp_image(pyramid: &Pyramid<'_>, filter: Filter, block: &Block<'_>, window: &mut Window, out: &mut [Texel]) {
-    let table = LanczosTable::get();
-    let whole = Part { x: 0, y: 0, width: block.width, height: block.preimages.len() / block.width.max(1) };
-    for (o, p) in out.iter_mut().zip(block.preimages) {
-        if p.cover > 0.0 {
-            *o = [0.0; 4];
-        }
-    }
+    let whole = Part { x: 0, y: 0, width: block.width, height: block.seen.len() / block.width.max(1) };
+    let lanczos = Lanczos(LanczosTable::<6>::get());
     match filter {
-        Filter::Bilinear => run(pyramid, block, &Nearest::<false> { block, table }, whole, window, out),
-        Filter::Lanczos => run(pyramid, block, &Nearest::<true> { block, table }, whole, window, out),
+        Filter::Bilinear => {
+            if !direct::bilinear(pyramid, block, &bounds(block, whole), out) {
+                run(pyramid, block, &Nearest { block, filter: Bilinear }, whole, window, out);
+            }
+        }
+        Filter::Lanczos => run(pyramid, block, &Nearest { block, filter: lanczos }, whole, window, out),
+        Filter::Lanczos4 => {
+            let filter = Lanczos(LanczosTable::<8>::get());
+            run(pyramid, block, &Nearest { block, filter }, whole, window, out);
+        }
         Filter::Ewa => {
-            let ellipses: Vec<Ellipse> =
-                block.preimages.iter().map(|p| Ellipse::new(p.dx, p.dy, pyramid.levels())).collect();
-            let seen = || block.preimages.iter().zip(&ellipses).filter(|(p, _)| p.cover > 0.0).map(|(_, e)| e);
+            let ellipse = |i: usize| {
+                let [dx, dy] = block.seen.derivative(i);
+                Ellipse::new(dx, dy, pyramid.levels())
+            };
+            let ellipses: Vec<Ellipse> = (0..block.seen.len()).map(ellipse).collect();
+            for (o, _) in out.iter_mut().zip(block.seen.cover()).filter(|(_, cover)| **cover > 0.0) {
+                *o = [0.0; 4];
+            }
+            let seen = || ellipses.iter().zip(block.seen.cover()).filter(|(_, cover)| **cover > 0.0).map(|(e, _)| e);
             if seen().any(|e| e.share < 1.0) {
-                run(pyramid, block, &Interpolated { block, table, ellipses: &ellipses }, whole, window, out);
+                let shared = Shared { block, filter: lanczos, ellipses: &ellipses };
+                run(pyramid, block, &shared, whole, window, out);
             }
             let lowest = seen().map(|e| e.level).min().unwrap_or(0);
             let highest = seen().map(|e| e.level).max().unwrap_or(0);
@@ -183,6 +141,32 @@ pub fn warp_image(pyramid: &Pyramid<'_>, filter: Filter, block: &Block<'_>, wind
                     run(pyramid, block, &Averaged { block, ellipses: &ellipses, level }, whole, window, out);
                 }
             }
+        }
+    }
+}
+
+/// The bounds of the pre-images of a part.
+fn bounds(block: &Block<'_>, part: Part) -> Bounds {
+    let mut bounds = Bounds::EMPTY;
+    Lanes::detect().run(Bound { block, part, bounds: &mut bounds });
+    bounds
+}
+
+struct Bound<'a> {
+    block: &'a Block<'a>,
+    part: Part,
+    bounds: &'a mut Bounds,
+}
+
+impl Sweep<f32> for Bound<'_> {
+    #[inline(always)]
+    fn run<L: Lane<E = f32>>(self, cpu: L::Cpu) {
+        let Part { x, y, width, height } = self.part;
+        // Whole rows lie one after the other.
+        let (runs, length) = if width == self.block.width { (1, width * height) } else { (height, width) };
+        for j in 0..runs {
+            let start = (y + j) * self.block.width + x;
+            self.bounds.join(&self.block.seen.part(start..start + length).bounds::<L>(cpu));
         }
     }
 }
@@ -236,150 +220,96 @@ impl<G: Gather> Sweep<f32> for Apply<'_, G> {
     #[inline(always)]
     fn run<L: Lane<E = f32>>(self, cpu: L::Cpu) {
         let Part { x, y, width, height } = self.part;
+        let window = Grid { texels: self.window.texels.as_slice(), stride: self.window.width, shift: self.shift };
         for j in y..y + height {
             let start = j * self.block.width + x;
-            let row = start..start + width;
-            self.gather.add_row::<L>(cpu, row, &self.window.texels, self.window.width, self.shift, self.out);
+            self.gather.add_row::<L>(cpu, start..start + width, &window, self.out);
         }
     }
 }
 
-/// Bilinear, or Lanczos-3 if `SHARP`.
-struct Nearest<'a, const SHARP: bool> {
+/// A filter of a fixed size at every pixel.
+struct Nearest<'a, I> {
     block: &'a Block<'a>,
-    table: &'static LanczosTable,
+    filter: I,
 }
 
-impl<const SHARP: bool> Gather for Nearest<'_, SHARP> {
+impl<I: for<'t> Interpolation<&'t [Texel]>> Gather for Nearest<'_, I> {
     fn level(&self) -> u32 {
         0
     }
 
     fn worth(&self) -> usize {
-        if SHARP { 64 } else { 12 }
-    }
-
-    #[inline(always)]
-    fn takes(&self, index: usize) -> bool {
-        self.block.preimages[index].cover > 0.0
-    }
-
-    #[inline(always)]
-    fn extent(&self, index: usize) -> Extent {
-        let reach = if SHARP { LANCZOS_REACH } else { BILINEAR_REACH };
-        Extent::around(self.block.preimages[index].place(), [reach; 2])
+        I::WORTH
     }
 
     fn extents(&self, block: &Block<'_>, part: Part) -> (Extent, usize) {
         // All reach as far: the outermost points decide.
-        let (mut low, mut high) = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
-        let mut pixels = 0;
-        for y in part.y..part.y + part.height {
-            let start = y * block.width + part.x;
-            for p in &block.preimages[start..start + part.width] {
-                if p.cover > 0.0 {
-                    for a in 0..2 {
-                        low[a] = if p.at[a] < low[a] { p.at[a] } else { low[a] };
-                        high[a] = if p.at[a] > high[a] { p.at[a] } else { high[a] };
-                    }
-                    pixels += 1;
-                }
-            }
-        }
-        if pixels == 0 {
-            return (Extent::EMPTY, 0);
-        }
-        let reach = if SHARP { LANCZOS_REACH } else { BILINEAR_REACH };
-        let limit = |v: [f32; 2]| v.map(|v| v.clamp(-FARTHEST, FARTHEST));
-        let mut extent = Extent::around(limit(low), [reach; 2]);
-        extent.join(&Extent::around(limit(high), [reach; 2]));
-        (extent, pixels)
+        let bounds = bounds(block, part);
+        (Extent::within(&bounds, I::REACH), bounds.pixels)
     }
 
     #[inline(always)]
-    fn add<L: Lane<E = f32>>(
-        &self,
-        cpu: L::Cpu,
-        index: usize,
-        texels: &[Texel],
-        stride: usize,
-        base: [f32; 2],
-        out: &mut Texel,
-    ) {
-        let [x, y] = self.block.preimages[index].place();
-        let at = [x + base[0], y + base[1]];
-        *out =
-            if SHARP { lanczos::<L>(cpu, texels, stride, at, self.table) } else { bilinear::<L>(texels, stride, at) };
-    }
-
-    #[inline(always)]
-    fn add_row<L: Lane<E = f32>>(
-        &self,
-        cpu: L::Cpu,
-        row: Range<usize>,
-        texels: &[Texel],
-        stride: usize,
-        base: [f32; 2],
-        out: &mut [Texel],
-    ) {
-        for (p, out) in self.block.preimages[row.clone()].iter().zip(&mut out[row]) {
-            if p.cover > 0.0 {
-                let [x, y] = p.place();
-                let at = [x + base[0], y + base[1]];
-                *out = if SHARP {
-                    lanczos::<L>(cpu, texels, stride, at, self.table)
-                } else {
-                    bilinear::<L>(texels, stride, at)
-                };
-            }
-        }
+    fn add_row<L: Lane<E = f32>>(&self, cpu: L::Cpu, row: Range<usize>, window: &Grid<&[Texel]>, out: &mut [Texel]) {
+        interpolate::<L, _, _>(cpu, &self.filter, window, &self.block.seen.part(row.clone()), &mut out[row]);
     }
 }
 
-/// The interpolated share of pixels that are not averaged.
-struct Interpolated<'a> {
+/// Its share of pixels that are not all averaged.
+struct Shared<'a, I> {
     block: &'a Block<'a>,
-    table: &'static LanczosTable,
+    filter: I,
     ellipses: &'a [Ellipse],
 }
 
-impl Gather for Interpolated<'_> {
+impl<I: for<'t> Interpolation<&'t [Texel]>> Gather for Shared<'_, I> {
     fn level(&self) -> u32 {
         0
     }
 
     fn worth(&self) -> usize {
-        64
+        I::WORTH
+    }
+
+    fn extents(&self, block: &Block<'_>, part: Part) -> (Extent, usize) {
+        let extent = |i: usize| Extent::around(block.seen.place(i), [I::REACH; 2]);
+        joined(block, part, |i| block.seen.looks(i) && self.ellipses[i].share < 1.0, extent)
     }
 
     #[inline(always)]
-    fn takes(&self, index: usize) -> bool {
-        self.block.preimages[index].cover > 0.0 && self.ellipses[index].share < 1.0
-    }
-
-    #[inline(always)]
-    fn extent(&self, index: usize) -> Extent {
-        Extent::around(self.block.preimages[index].place(), [LANCZOS_REACH; 2])
-    }
-
-    #[inline(always)]
-    fn add<L: Lane<E = f32>>(
-        &self,
-        cpu: L::Cpu,
-        index: usize,
-        texels: &[Texel],
-        stride: usize,
-        base: [f32; 2],
-        out: &mut Texel,
-    ) {
-        let p = &self.block.preimages[index];
-        let [x, y] = p.place();
-        let color = lanczos::<L>(cpu, texels, stride, [x + base[0], y + base[1]], self.table);
-        let share = 1.0 - self.ellipses[index].share;
-        for c in 0..4 {
-            out[c] += share * color[c];
+    fn add_row<L: Lane<E = f32>>(&self, cpu: L::Cpu, row: Range<usize>, window: &Grid<&[Texel]>, out: &mut [Texel]) {
+        for (start, out) in row.clone().step_by(BLOCK).zip(out[row.clone()].chunks_mut(BLOCK)) {
+            let range = start..start + out.len();
+            let (run, ellipses) = (self.block.seen.part(range.clone()), &self.ellipses[range]);
+            let places = Places::new(&run, window.shift);
+            for (k, (out, ellipse)) in out.iter_mut().zip(ellipses).enumerate() {
+                if run.looks(k) && ellipse.share < 1.0 {
+                    let color = self.filter.color::<L>(cpu, window, &places, k);
+                    for c in 0..4 {
+                        out[c] += (1.0 - ellipse.share) * color[c];
+                    }
+                }
+            }
         }
     }
+}
+
+/// Joins the extents of those pixels of a part that take part.
+fn joined(
+    block: &Block<'_>,
+    part: Part,
+    takes: impl Fn(usize) -> bool,
+    extent: impl Fn(usize) -> Extent,
+) -> (Extent, usize) {
+    let (mut all, mut pixels) = (Extent::EMPTY, 0);
+    for y in part.y..part.y + part.height {
+        let start = y * block.width + part.x;
+        for i in (start..start + part.width).filter(|&i| takes(i)) {
+            all.join(&extent(i));
+            pixels += 1;
+        }
+    }
+    (all, pixels)
 }
 
 /// The averaged share of pixels whose ellipses lie on one level.
@@ -394,7 +324,13 @@ impl Averaged<'_> {
     #[inline(always)]
     fn place(&self, index: usize) -> [f32; 2] {
         let scale = 1.0 / (1u64 << self.level) as f32;
-        self.block.preimages[index].place().map(|v| v * scale)
+        self.block.seen.place(index).map(|v| v * scale)
+    }
+
+    #[inline(always)]
+    fn takes(&self, index: usize) -> bool {
+        let e = &self.ellipses[index];
+        self.block.seen.looks(index) && e.share > 0.0 && e.level == self.level
     }
 }
 
@@ -407,32 +343,20 @@ impl Gather for Averaged<'_> {
         256
     }
 
-    #[inline(always)]
-    fn takes(&self, index: usize) -> bool {
-        let e = &self.ellipses[index];
-        self.block.preimages[index].cover > 0.0 && e.share > 0.0 && e.level == self.level
+    fn extents(&self, block: &Block<'_>, part: Part) -> (Extent, usize) {
+        let extent = |i: usize| Extent::of_ellipse(self.place(i), &self.ellipses[i]);
+        joined(block, part, |i| self.takes(i), extent)
     }
 
     #[inline(always)]
-    fn extent(&self, index: usize) -> Extent {
-        Extent::of_ellipse(self.place(index), &self.ellipses[index])
-    }
-
-    #[inline(always)]
-    fn add<L: Lane<E = f32>>(
-        &self,
-        _cpu: L::Cpu,
-        index: usize,
-        texels: &[Texel],
-        stride: usize,
-        base: [f32; 2],
-        out: &mut Texel,
-    ) {
-        let p = self.place(index);
-        let e = &self.ellipses[index];
-        let color = average(texels, stride, [p[0] + base[0], p[1] + base[1]], e);
-        for c in 0..4 {
-            out[c] += e.share * color[c];
+    fn add_row<L: Lane<E = f32>>(&self, _cpu: L::Cpu, row: Range<usize>, window: &Grid<&[Texel]>, out: &mut [Texel]) {
+        for i in row.filter(|&i| self.takes(i)) {
+            let (p, e) = (self.place(i), &self.ellipses[i]);
+            let at = [p[0] + window.shift[0], p[1] + window.shift[1]];
+            let color = average(window.texels, window.stride, at, e);
+            for c in 0..4 {
+                out[i][c] += e.share * color[c];
+            }
         }
     }
 }

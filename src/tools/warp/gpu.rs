@@ -6,9 +6,12 @@
 use bytemuck::{Pod, Zeroable};
 use rayon::prelude::*;
 
+use super::band::Band;
 use super::ewa::Ellipse;
-use super::filter::{BILINEAR_REACH, Filter, LANCZOS_REACH};
-use super::gather::{Extent, Preimage};
+use super::filter::Filter;
+use super::footprint::Seen;
+use super::gather::Extent;
+use super::interpolate::{Bilinear, Interpolation, Lanczos};
 use super::pyramid::{Pyramid, Texel, Window};
 use crate::engine::{BindingKind, Gpu, Kernel, Layout};
 use crate::error::Result;
@@ -31,6 +34,17 @@ pub struct WindowPlace {
     pub start: u32,
     /// Length of its rows.
     pub stride: u32,
+}
+
+/// A footprint as the kernel reads it, with the number of its block.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+struct Preimage {
+    at: [f32; 2],
+    dx: [f32; 2],
+    dy: [f32; 2],
+    cover: f32,
+    block: u32,
 }
 
 /// Parameters of the kernel.
@@ -77,8 +91,8 @@ pub const KERNELS: &[&Kernel] = &[&BILINEAR, &LANCZOS, &EWA];
 /// The colours of pixels whose pre-images have a cover, as [`Band::gather`](super::band::Band::gather) has them; the others are
 /// left as they are.
 ///
-/// `bases` has one entry for each block that a pre-image names. Returns `false`, with nothing done, if what the pixels see does
-/// not fit the device at once: where a map takes neighbours to places far apart.
+/// `bases` has one entry for each block of the band. Returns `false`, with nothing done, if what the pixels see does not fit the
+/// device at once: where a map takes neighbours to places far apart; and for [`Filter::Lanczos4`], which is not in the kernel.
 ///
 /// # Errors
 /// [`Error::Memory`](crate::Error::Memory), [`Error::Capability`](crate::Error::Capability) or
@@ -87,20 +101,23 @@ pub fn warp_image(
     gpu: &Gpu,
     pyramid: &Pyramid<'_>,
     filter: Filter,
+    band: Band,
     bases: &[[i32; 2]],
-    preimages: &[Preimage],
+    seen: Seen<'_>,
     colors: &mut [Texel],
 ) -> Result<bool> {
     let kernel = match filter {
         Filter::Bilinear => &BILINEAR,
         Filter::Lanczos => &LANCZOS,
+        Filter::Lanczos4 => return Ok(false),
         Filter::Ewa => &EWA,
     };
     let budget = u64::from(gpu.capabilities().loop_budget);
     if filter == Filter::Ewa && gpu.capabilities().truncates_loops && budget < ITERATIONS {
         return Ok(false);
     }
-    let extents = extents(pyramid, filter, bases, preimages);
+    let preimages = preimages(band, seen);
+    let extents = extents(pyramid, filter, bases, &preimages);
     let sizes = extents.map(|e| e.size());
     let total: usize = sizes.iter().map(|s| s[0].saturating_mul(s[1])).fold(0, usize::saturating_add);
     if total as u64 > (MOST_TEXELS as u64).min(gpu.capabilities().max_elements::<Texel>()) {
@@ -128,7 +145,7 @@ pub fn warp_image(
     }
     let pipeline = gpu.pipeline(kernel)?;
     let params = gpu.uniform("warp parameters", &params)?;
-    let seen = gpu.upload("pre-images", preimages)?;
+    let seen = gpu.upload("pre-images", &preimages)?;
     let bases = gpu.upload("bases", bases)?;
     let texels = gpu.upload("texels", &texels)?;
     let out = gpu.upload("colours", colors)?;
@@ -136,6 +153,23 @@ pub fn warp_image(
     gpu.run(&pipeline, &group, preimages.len(), |_| {})?;
     colors.copy_from_slice(&gpu.read(&out, 0..colors.len())?);
     Ok(true)
+}
+
+/// How far a filter reads in a window.
+fn reach<I: for<'t> Interpolation<&'t [Texel]>>() -> i32 {
+    I::REACH
+}
+
+/// The pixels of a band, block after block, as the kernel reads them.
+fn preimages(band: Band, seen: Seen<'_>) -> Vec<Preimage> {
+    let mut preimages = Vec::with_capacity(seen.len());
+    for (block, place) in (0u32..).zip(band.places()) {
+        preimages.extend((place.start..place.start + place.width * place.height).map(|i| {
+            let [dx, dy] = seen.derivative(i);
+            Preimage { at: seen.place(i), dx, dy, cover: seen.cover()[i], block }
+        }));
+    }
+    preimages
 }
 
 /// What the pixels read of each level, in its texels.
@@ -148,14 +182,15 @@ fn extents(pyramid: &Pyramid<'_>, filter: Filter, bases: &[[i32; 2]], preimages:
             let moved = |v: [i32; 2]| [v[0].saturating_add(shift[0]), v[1].saturating_add(shift[1])];
             all[level as usize].join(&Extent { low: moved(e.low), high: moved(e.high) });
         };
-        let at = p.place();
+        let at = p.at;
+        let around = |reach: i32| Extent::around(at, [reach; 2]);
         match filter {
-            Filter::Bilinear => join(0, Extent::around(at, [BILINEAR_REACH; 2])),
-            Filter::Lanczos => join(0, Extent::around(at, [LANCZOS_REACH; 2])),
+            Filter::Bilinear => join(0, around(reach::<Bilinear>())),
+            Filter::Lanczos | Filter::Lanczos4 => join(0, around(reach::<Lanczos<6>>())),
             Filter::Ewa => {
                 let e = Ellipse::new(p.dx, p.dy, pyramid.levels());
                 if e.share < 1.0 {
-                    join(0, Extent::around(at, [LANCZOS_REACH; 2]));
+                    join(0, around(reach::<Lanczos<6>>()));
                 }
                 if e.share > 0.0 {
                     let scale = 1.0 / (1u64 << e.level) as f32;

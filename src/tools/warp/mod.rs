@@ -12,6 +12,7 @@ pub mod cover;
 pub mod draw;
 pub mod ewa;
 pub mod filter;
+pub mod footprint;
 pub mod frames;
 pub mod gather;
 pub mod gpu;
@@ -22,7 +23,9 @@ pub mod preview;
 pub mod pyramid;
 pub mod store;
 
+mod direct;
 mod driver;
+mod interpolate;
 
 pub use driver::{LARGEST_SIDE, WarpOptions, WarpOutput, WarpStats, warp_picture};
 pub use filter::Filter;

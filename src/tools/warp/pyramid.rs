@@ -2,10 +2,11 @@
 
 use rayon::prelude::*;
 
+use crate::engine::{Lane, Lanes, Sweep};
 use crate::error::Result;
 use crate::raster::{Image, Pixels};
-use crate::tools::transfer::Encoding;
 use crate::tools::transfer::color::Sample;
+use crate::tools::transfer::{Alpha, Encoding};
 
 /// One decoded texel: light or stored values, colours multiplied by alpha, in the order of the picture; unused channels are 0.
 pub type Texel = [f32; 4];
@@ -151,20 +152,24 @@ impl<'a> Pyramid<'a> {
     /// Decodes pixels of one row.
     fn pixels(&self, x: u32, y: u32, out: &mut [Texel]) {
         let start = y as usize * self.image.width as usize + x as usize;
-        let e = self.encoding;
+        self.visit(Decode { start, encoding: self.encoding, out });
+    }
+
+    /// Calls `job` with the picture's samples.
+    pub(super) fn visit(&self, job: impl OnSamples) {
         match (&self.image.pixels, self.image.channels) {
-            (Pixels::U8(v), 1) => decode::<u8, 1>(v, start, e, out),
-            (Pixels::U8(v), 2) => decode::<u8, 2>(v, start, e, out),
-            (Pixels::U8(v), 3) => decode::<u8, 3>(v, start, e, out),
-            (Pixels::U8(v), _) => decode::<u8, 4>(v, start, e, out),
-            (Pixels::U16(v), 1) => decode::<u16, 1>(v, start, e, out),
-            (Pixels::U16(v), 2) => decode::<u16, 2>(v, start, e, out),
-            (Pixels::U16(v), 3) => decode::<u16, 3>(v, start, e, out),
-            (Pixels::U16(v), _) => decode::<u16, 4>(v, start, e, out),
-            (Pixels::F32(v), 1) => decode::<f32, 1>(v, start, e, out),
-            (Pixels::F32(v), 2) => decode::<f32, 2>(v, start, e, out),
-            (Pixels::F32(v), 3) => decode::<f32, 3>(v, start, e, out),
-            (Pixels::F32(v), _) => decode::<f32, 4>(v, start, e, out),
+            (Pixels::U8(v), 1) => job.run::<u8, 1>(v),
+            (Pixels::U8(v), 2) => job.run::<u8, 2>(v),
+            (Pixels::U8(v), 3) => job.run::<u8, 3>(v),
+            (Pixels::U8(v), _) => job.run::<u8, 4>(v),
+            (Pixels::U16(v), 1) => job.run::<u16, 1>(v),
+            (Pixels::U16(v), 2) => job.run::<u16, 2>(v),
+            (Pixels::U16(v), 3) => job.run::<u16, 3>(v),
+            (Pixels::U16(v), _) => job.run::<u16, 4>(v),
+            (Pixels::F32(v), 1) => job.run::<f32, 1>(v),
+            (Pixels::F32(v), 2) => job.run::<f32, 2>(v),
+            (Pixels::F32(v), 3) => job.run::<f32, 3>(v),
+            (Pixels::F32(v), _) => job.run::<f32, 4>(v),
         }
     }
 
@@ -215,14 +220,107 @@ fn add(sum: &mut Texel, texel: &Texel, weight: f32) {
     }
 }
 
-#[inline]
-fn decode<T: Sample, const C: usize>(samples: &[T], start: usize, encoding: Encoding, out: &mut [Texel]) {
-    let samples = &samples[start * C..(start + out.len()) * C];
-    for (out, pixel) in out.iter_mut().zip(samples.chunks_exact(C)) {
-        let texel: [f32; C] = encoding.decode(pixel);
-        let mut whole = [0.0; 4];
-        whole[..C].copy_from_slice(&texel);
-        *out = whole;
+/// Work on samples whose kind and channels are known when it is compiled.
+pub(super) trait OnSamples {
+    /// Does it; `samples` are all of the picture.
+    fn run<T: Sample, const C: usize>(self, samples: &[T]);
+}
+
+/// Texel `at` of a picture, decoded.
+#[inline(always)]
+fn texel<T: Sample, const C: usize>(samples: &[T], at: usize, encoding: Encoding) -> Texel {
+    let mut texel = [0.0; 4];
+    let decoded: [f32; C] = encoding.decode(&samples[at * C..at * C + C]);
+    texel[..C].copy_from_slice(&decoded);
+    texel
+}
+
+/// Texel `at` of a picture and the one after it, decoded: [`texel`] with fewer instructions.
+#[inline(always)]
+pub(super) fn pair<L: Lane<E = f32>, T: Sample, const C: usize>(
+    cpu: L::Cpu,
+    samples: &[T],
+    at: usize,
+    encoding: Encoding,
+) -> [Texel; 2] {
+    let mut pair = [[0.0; 4]; 2];
+    if C == 4 && !encoding.linear_light && 8 % L::N == 0 {
+        // Eight samples are converted as one, and multiplied as one by what is the factor of each.
+        let numbers = pair.as_flattened_mut();
+        for (number, sample) in numbers.iter_mut().zip(&samples[at * C..at * C + 8]) {
+            *number = sample.number();
+        }
+        for k in (0..8).step_by(L::N) {
+            (L::load(cpu, &numbers[k..]) * L::splat(cpu, T::UNIT)).store(&mut numbers[k..]);
+        }
+        if encoding.alpha == Alpha::Opacity {
+            let factors = [[numbers[3]; 4], [numbers[7]; 4]];
+            let colors = [[0.0_f32, 0.0, 0.0, 1.0]; 2];
+            for k in (0..8).step_by(L::N) {
+                let (v, factor) = (L::load(cpu, &numbers[k..]), L::load(cpu, &factors.as_flattened()[k..]));
+                let color = L::load(cpu, &colors.as_flattened()[k..]).lt(L::splat(cpu, 0.5));
+                L::select(color, v * factor, v).store(&mut numbers[k..]);
+            }
+        }
+    } else if let (3, Some(samples)) = (C, samples.get(at * C..at * C + 7)) {
+        // Four samples at once, the last of them not wanted.
+        for (texel, four) in pair.iter_mut().zip([&samples[..4], &samples[3..7]]) {
+            let decoded: [f32; 4] = Encoding { alpha: Alpha::Data, ..encoding }.decode(four);
+            texel[..3].copy_from_slice(&decoded[..3]);
+        }
+    } else {
+        pair = [texel::<T, C>(samples, at, encoding), texel::<T, C>(samples, at + 1, encoding)];
+    }
+    pair
+}
+
+/// Decodes as many pixels as there is room for.
+struct Decode<'a> {
+    start: usize,
+    encoding: Encoding,
+    out: &'a mut [Texel],
+}
+
+impl OnSamples for Decode<'_> {
+    fn run<T: Sample, const C: usize>(self, samples: &[T]) {
+        Lanes::detect().run(DecodeSamples::<T, C> { job: self, samples });
+    }
+}
+
+struct DecodeSamples<'a, T, const C: usize> {
+    job: Decode<'a>,
+    samples: &'a [T],
+}
+
+impl<T: Sample, const C: usize> Sweep<f32> for DecodeSamples<'_, T, C> {
+    #[inline(always)]
+    fn run<L: Lane<E = f32>>(self, cpu: L::Cpu) {
+        let Decode { start, encoding, out } = self.job;
+        let samples = &self.samples[start * C..];
+        // What is constant for the compiler, it need not ask for every texel.
+        if encoding.linear_light {
+            texels::<L, T, C>(cpu, samples, encoding, out);
+        } else if encoding.alpha == Alpha::Opacity {
+            texels::<L, T, C>(cpu, samples, Encoding { linear_light: false, alpha: Alpha::Opacity }, out);
+        } else {
+            texels::<L, T, C>(cpu, samples, Encoding { linear_light: false, alpha: Alpha::Data }, out);
+        }
+    }
+}
+
+#[inline(always)]
+fn texels<L: Lane<E = f32>, T: Sample, const C: usize>(
+    cpu: L::Cpu,
+    samples: &[T],
+    encoding: Encoding,
+    out: &mut [Texel],
+) {
+    let (pairs, last) = out.as_chunks_mut();
+    for (i, out) in pairs.iter_mut().enumerate() {
+        *out = pair::<L, T, C>(cpu, samples, 2 * i, encoding);
+    }
+    for out in last {
+        *out = texel::<T, C>(samples, 2 * pairs.len(), encoding);
     }
 }
 

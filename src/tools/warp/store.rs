@@ -4,7 +4,8 @@ use rayon::prelude::*;
 
 use super::band::{BLOCK, Band, Place};
 use super::filter::Filter;
-use super::gather::{Block, Preimage, warp_image};
+use super::footprint::Seen;
+use super::gather::{Block, warp_image};
 use super::pyramid::{Pyramid, Texel, Window};
 use crate::engine::{Lane, Lanes, Sweep};
 use crate::raster::{Image, Pixels};
@@ -39,8 +40,8 @@ impl Outside {
 pub struct Colors<'a> {
     /// The rows.
     pub band: Band,
-    /// Pre-images, for their cover; in the order of the band.
-    pub preimages: &'a [Preimage],
+    /// Where they look; in the order of the band.
+    pub seen: Seen<'a>,
     /// Cover of the target cage, row by row, where the rest is the original picture.
     pub keep: Option<&'a [f32]>,
 }
@@ -123,34 +124,41 @@ impl<T: Round, const C: usize> Writer<'_, T, C> {
         }
         let work = |(window, own): &mut (Window, Vec<Texel>), ((k, place), part): ((usize, &Place), Vec<&mut [T]>)| {
             let range = place.start..place.start + place.width * place.height;
-            let preimages = &pixels.preimages[range.clone()];
+            let seen = pixels.seen.part(range.clone());
             let colors = match origin {
                 Origin::Given(colors) => &colors[range],
                 Origin::Gathered(filter, bases) => {
                     own.resize(BLOCK * BLOCK, [0.0; 4]);
-                    let block = Block { width: place.width, base: bases[k], preimages };
-                    warp_image(self.pyramid, filter, &block, window, &mut own[..preimages.len()]);
-                    &own[..preimages.len()]
+                    let block = Block { width: place.width, base: bases[k], seen };
+                    warp_image(self.pyramid, filter, &block, window, &mut own[..seen.len()]);
+                    &own[..seen.len()]
                 }
             };
+            if self.is_plain(seen.cover()) && pixels.keep.is_none() {
+                let (alpha, width) = (self.pyramid.encoding().alpha, place.width);
+                Lanes::detect().run(Plain::<T, C> { colors, width, alpha, out: part });
+                return;
+            }
             for (j, out) in part.into_iter().enumerate() {
                 let run = j * place.width..(j + 1) * place.width;
                 let keep = pixels.keep.map(|k| &k[(place.y + j) * band.width + place.x..][..place.width]);
                 let at = [place.x, band.first + place.y + j];
-                self.run(at, &preimages[run.clone()], &colors[run], keep, out);
+                self.run(at, &seen.cover()[run.clone()], &colors[run], keep, out);
             }
         };
         let init = || (Window::default(), Vec::new());
         places.par_iter().enumerate().zip(parts).for_each_init(init, work);
     }
 
+    /// Whether there is no question about any of the pixels: they are covered whole, and stored values are written.
+    fn is_plain(&self, cover: &[f32]) -> bool {
+        let whole = cover.iter().fold(true, |all, c| all & (*c >= 1.0));
+        whole && !self.alpha && !self.pyramid.encoding().linear_light
+    }
+
     /// Pixels of one row from column and row `at` of the picture on.
-    fn run(&self, at: [usize; 2], seen: &[Preimage], colors: &[Texel], keep: Option<&[f32]>, out: &mut [T]) {
+    fn run(&self, at: [usize; 2], cover: &[f32], colors: &[Texel], keep: Option<&[f32]>, out: &mut [T]) {
         let encoding = self.pyramid.encoding();
-        if keep.is_none() && !self.alpha && !encoding.linear_light && seen.iter().all(|p| p.cover >= 1.0) {
-            Lanes::detect().run(Plain::<T, C> { colors, alpha: encoding.alpha, out });
-            return;
-        }
         let image = self.pyramid.image();
         let kept = |x: usize| -> Option<&[T]> {
             let inside = at[1] < image.height as usize && x < image.width as usize;
@@ -158,7 +166,7 @@ impl<T: Round, const C: usize> Writer<'_, T, C> {
         };
         for (i, target) in out.chunks_exact_mut(self.stride()).enumerate() {
             let original = kept(at[0] + i);
-            let share = seen[i].cover;
+            let share = cover[i];
             let keep = keep.map_or(0.0, |cover| 1.0 - cover[i]);
             if keep >= 1.0 {
                 match original {
@@ -189,29 +197,34 @@ impl<T: Round, const C: usize> Writer<'_, T, C> {
     }
 }
 
-/// Pixels that are covered whole, with stored values: the common case, without a question about each.
+/// The common case of a block.
 struct Plain<'a, T, const C: usize> {
     colors: &'a [Texel],
+    /// Pixels in a row of the block.
+    width: usize,
     alpha: Alpha,
-    out: &'a mut [T],
+    /// Its rows in the picture.
+    out: Vec<&'a mut [T]>,
 }
 
 impl<T: Round, const C: usize> Sweep<f32> for Plain<'_, T, C> {
     #[inline(always)]
     fn run<L: Lane<E = f32>>(self, _cpu: L::Cpu) {
-        for (color, out) in self.colors.iter().zip(self.out.chunks_exact_mut(C)) {
-            let mut color = *color;
-            if C.is_multiple_of(2) && self.alpha == Alpha::Opacity {
-                let a = color[C - 1].clamp(0.0, 1.0);
-                let factor = if a > 0.0 { 1.0 / a } else { 0.0 };
-                for c in 0..C - 1 {
-                    color[c] *= factor;
+        for (colors, out) in self.colors.chunks(self.width).zip(self.out) {
+            for (color, out) in colors.iter().zip(out.chunks_exact_mut(C)) {
+                let mut color = *color;
+                if C.is_multiple_of(2) && self.alpha == Alpha::Opacity {
+                    let a = color[C - 1].clamp(0.0, 1.0);
+                    let factor = if a > 0.0 { 1.0 / a } else { 0.0 };
+                    for c in 0..C - 1 {
+                        color[c] *= factor;
+                    }
+                    color[C - 1] = a;
                 }
-                color[C - 1] = a;
+                // All four at once, whatever the picture has.
+                let rounded = T::round(color);
+                out.copy_from_slice(&rounded[..C]);
             }
-            // All four at once, whatever the picture has.
-            let rounded = T::round(color);
-            out.copy_from_slice(&rounded[..C]);
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::SUBMISSION;
-use super::tables::{BLOCK, PARAMS, PARAMS_LAYOUT, StepTables, VECTORS};
+use super::tables::{PARAMS, PARAMS_LAYOUT, StepTables, VECTORS, size_class};
 use crate::engine::{BindGroup, BindingKind, Gpu, Kernel, Layout, Pipeline};
 use crate::error::Result;
 use crate::kernel_layout as layout;
@@ -21,8 +21,12 @@ pub struct PieceMinimum {
 
 const LAYOUTS: &[Layout] = &[PARAMS_LAYOUT, layout!(PieceMinimum, { value, pixel })];
 
-pub(super) static JACOBIAN_MIN: Kernel = variant(&[("MANY", 0.0)]);
-static JACOBIAN_MIN_MANY: Kernel = variant(&[("MANY", 1.0)]);
+/// By [`size_class`].
+pub(super) static JACOBIAN_MIN: [Kernel; 3] = [
+    variant(&[("MANY", 0.0), ("BLOCKED", 0.0)]),
+    variant(&[("MANY", 0.0), ("BLOCKED", 1.0)]),
+    variant(&[("MANY", 1.0), ("BLOCKED", 1.0)]),
+];
 
 const fn variant(constants: &'static [(&'static str, f64)]) -> Kernel {
     Kernel {
@@ -83,7 +87,7 @@ fn together(gpu: &Gpu, steps: &[(Step<f32>, Raster)], cut: &[Vec<Run>], found: &
     let mut at = 0;
     for ((step, raster), cut) in steps.iter().zip(cut) {
         let vertices = step.outline.len();
-        let pipeline = gpu.pipeline(if vertices > BLOCK { &JACOBIAN_MIN_MANY } else { &JACOBIAN_MIN })?;
+        let pipeline = gpu.pipeline(&JACOBIAN_MIN[size_class(vertices)])?;
         let tables = StepTables::new(gpu, step, Some(raster), false)?;
         let bindings = tables.bindings().into_iter().chain([input.bind(), output.bind()]).collect::<Vec<_>>();
         let group = gpu.bind(&pipeline, &bindings)?;

@@ -1,17 +1,24 @@
 //! Host half of the kernel `map_points`.
 
 use super::SUBMISSION;
-use super::tables::{BLOCK, PARAMS, PARAMS_LAYOUT, StepTables, VECTORS};
+use super::tables::{PARAMS, PARAMS_LAYOUT, StepTables, VECTORS, size_class};
 use crate::engine::{BindGroup, BindingKind, Buffer, Gpu, Kernel, Layout, Pipeline, ReadbackRing, Table};
 use crate::error::Result;
 use crate::mapping::plane::step::Step;
 
 const LAYOUTS: &[Layout] = &[PARAMS_LAYOUT];
 
-pub(super) static MAP_POINTS: Kernel = variant(&[("DERIVATIVE", 1.0), ("MANY", 0.0)]);
-static MAP_POINTS_ALONE: Kernel = variant(&[("DERIVATIVE", 0.0), ("MANY", 0.0)]);
-static MAP_POINTS_MANY: Kernel = variant(&[("DERIVATIVE", 1.0), ("MANY", 1.0)]);
-static MAP_POINTS_MANY_ALONE: Kernel = variant(&[("DERIVATIVE", 0.0), ("MANY", 1.0)]);
+/// With derivatives, by [`size_class`].
+pub(super) static MAP_POINTS: [Kernel; 3] = [
+    variant(&[("DERIVATIVE", 1.0), ("MANY", 0.0), ("BLOCKED", 0.0)]),
+    variant(&[("DERIVATIVE", 1.0), ("MANY", 0.0), ("BLOCKED", 1.0)]),
+    variant(&[("DERIVATIVE", 1.0), ("MANY", 1.0), ("BLOCKED", 1.0)]),
+];
+static MAP_POINTS_ALONE: [Kernel; 3] = [
+    variant(&[("DERIVATIVE", 0.0), ("MANY", 0.0), ("BLOCKED", 0.0)]),
+    variant(&[("DERIVATIVE", 0.0), ("MANY", 0.0), ("BLOCKED", 1.0)]),
+    variant(&[("DERIVATIVE", 0.0), ("MANY", 1.0), ("BLOCKED", 1.0)]),
+];
 
 const fn variant(constants: &'static [(&'static str, f64)]) -> Kernel {
     Kernel {
@@ -122,12 +129,8 @@ pub(in crate::mapping::plane) fn map_on_device(
 
 fn stage(gpu: &Gpu, step: &Step<f32>, from: &Tile, to: &Tile, wanted: bool, chained: bool) -> Result<Stage> {
     let n = step.outline.len();
-    let pipeline = gpu.pipeline(match (wanted, n > BLOCK) {
-        (true, false) => &MAP_POINTS,
-        (false, false) => &MAP_POINTS_ALONE,
-        (true, true) => &MAP_POINTS_MANY,
-        (false, true) => &MAP_POINTS_MANY_ALONE,
-    })?;
+    let kernels = if wanted { &MAP_POINTS } else { &MAP_POINTS_ALONE };
+    let pipeline = gpu.pipeline(&kernels[size_class(n)])?;
     let derivatives = if wanted { step.vertex_derivatives() } else { &[] };
     let record = |(k, image): (usize, &[f32; 2])| VertexRecord {
         image: *image,

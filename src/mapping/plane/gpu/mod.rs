@@ -21,8 +21,9 @@ pub use jacobian_min::PieceMinimum;
 
 use crate::engine::Kernel;
 
-/// The kernels of this folder.
-pub const KERNELS: &[&Kernel] = &[&jacobian_min::JACOBIAN_MIN, &map_points::MAP_POINTS];
+/// The kernels of this folder,
+/// one variant of each: the others differ in their constants.
+pub const KERNELS: &[&Kernel] = &[&jacobian_min::JACOBIAN_MIN[0], &map_points::MAP_POINTS[0]];
 
 /// Products of samples and vertices that one submission holds, so that none is long: a fraction of a second on a software
 /// device, milliseconds on another.

@@ -17,6 +17,15 @@ pub(super) const BLOCK: usize = UNIFORM_BLOCK as usize / 16;
 
 const BLOCKS: usize = 4;
 
+/// Vertices that are added up in one go: more need [`mean_value::BLOCK`](crate::mapping::plane::mean_value::BLOCK) to keep their
+/// digits.
+const ONE_GO: usize = 64;
+
+/// Which of three variants a kernel needs: all vertices in one go, by blocks, or by blocks from several uniform blocks.
+pub(super) fn size_class(vertices: usize) -> usize {
+    usize::from(vertices > ONE_GO) + usize::from(vertices > BLOCK)
+}
+
 /// Parameters of the kernels; twin of the struct in `shaders/lib/corners.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]

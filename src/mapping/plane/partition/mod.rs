@@ -49,7 +49,8 @@ pub struct PartitionOptions {
     pub kind: PartitionKind,
     /// The path tried first; see [`partition_with`] for the others.
     pub path: PathKind,
-    /// Steps no longer than this are not halved any more, 1e-4..=1.
+    /// Steps no longer than this are not halved any more, 1e-4..=1; along the path of compatible triangulations, which is tried
+    /// last and is slow where it passes thin parts, they may be, to a 65,536th of it, and a note says so.
     pub eps: f64,
     /// How finely the minimum of the Jacobian is searched for.
     pub samples: SampleOptions,
@@ -135,8 +136,8 @@ pub fn partition(
 ///
 /// Every polygon is checked for simplicity, orientation and nesting before it is used. Where the path has none at a knot, or
 /// where a refinement ends with a step that still folds, the next path is tried in the order intrinsic, linear, compatible, and
-/// a note says so; the last of them may be halved further than `eps`, since it can be slow where it passes thin parts. If refinement fails on all of them, the partition of the first that has one is returned with `folds`. The
-/// minimum of an interval is asked for once.
+/// a note says so; the last of them may be halved further than `eps`: see [`PartitionOptions::eps`]. If refinement fails on all
+/// of them, the partition of the first that has one is returned with `folds`. The minimum of an interval is asked for once.
 ///
 /// # Errors
 /// [`Error::Option`] for `eps` outside its range or too many steps; [`Error::Numeric`] where no path avoids intersections; what

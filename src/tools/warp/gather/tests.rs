@@ -1,32 +1,33 @@
 use super::super::ewa::VARIANCE;
+use super::super::filter::tests::exact_weights;
+use super::super::footprint::{Footprint, Footprints};
 use super::*;
 use crate::raster::{Image, Pixels};
-use crate::tools::transfer::Encoding;
+use crate::tools::transfer::{Alpha, Encoding};
 
 /// Pre-images of a block under `p = a q + b`.
-fn affine(width: usize, height: usize, a: [[f64; 2]; 2], b: [f64; 2]) -> (Vec<Preimage>, [i32; 2]) {
+fn affine(width: usize, height: usize, a: [[f64; 2]; 2], b: [f64; 2]) -> (Footprints, [i32; 2]) {
     let base = [b[0] as i32, b[1] as i32];
-    let preimages = (0..width * height)
-        .map(|i| {
-            let (x, y) = ((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
-            let at = |r: usize| (a[r][0] * x + a[r][1] * y + b[r] - f64::from(base[r])) as f32;
-            Preimage {
-                at: [at(0), at(1)],
-                dx: [a[0][0] as f32, a[1][0] as f32],
-                dy: [a[0][1] as f32, a[1][1] as f32],
-                cover: 1.0,
-                block: 0,
-            }
-        })
-        .collect();
-    (preimages, base)
+    let mut footprints = Footprints::new(width * height, true);
+    for i in 0..width * height {
+        let (x, y) = ((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
+        let at = |r: usize| (a[r][0] * x + a[r][1] * y + b[r] - f64::from(base[r])) as f32;
+        let footprint = Footprint {
+            at: [at(0), at(1)],
+            dx: [a[0][0] as f32, a[1][0] as f32],
+            dy: [a[0][1] as f32, a[1][1] as f32],
+            cover: 1.0,
+        };
+        footprints.set(i, footprint);
+    }
+    (footprints, base)
 }
 
 fn warped(image: &Image, filter: Filter, width: usize, height: usize, a: [[f64; 2]; 2], b: [f64; 2]) -> Vec<Texel> {
     let pyramid = Pyramid::new(image, Encoding::default()).unwrap();
-    let (preimages, base) = affine(width, height, a, b);
-    let mut out = vec![[0.0; 4]; preimages.len()];
-    let block = Block { width, base, preimages: &preimages };
+    let (footprints, base) = affine(width, height, a, b);
+    let mut out = vec![[0.0; 4]; width * height];
+    let block = Block { width, base, seen: footprints.seen() };
     warp_image(&pyramid, filter, &block, &mut Window::default(), &mut out);
     out
 }
@@ -37,7 +38,7 @@ fn picture(width: u32, height: u32, f: impl Fn(f64, f64) -> f64) -> Image {
     Image::new(width, height, 1, Pixels::F32(samples)).unwrap()
 }
 
-const FILTERS: [Filter; 3] = [Filter::Ewa, Filter::Bilinear, Filter::Lanczos];
+const FILTERS: [Filter; 4] = [Filter::Ewa, Filter::Bilinear, Filter::Lanczos, Filter::Lanczos4];
 
 #[test]
 fn the_identity_keeps_every_sample() {
@@ -148,7 +149,7 @@ fn levels_do_not_show() {
 fn far_places_are_as_sharp_as_near_ones() {
     // A picture 70,000 pixels wide: single precision holds its positions to 1/128 only.
     let image = Image::new(70_000, 3, 1, Pixels::U8((0..210_000).map(|i| (i % 199) as u8).collect())).unwrap();
-    for filter in [Filter::Bilinear, Filter::Lanczos, Filter::Ewa] {
+    for filter in FILTERS {
         for x in [10.0, 69_950.25] {
             let out = warped(&image, filter, 8, 1, [[1.0, 0.0], [0.0, 1.0]], [x, 1.0]);
             let (i, f) = (x as u32, (x.fract()) as f32);
@@ -168,21 +169,120 @@ fn scattered_pixels_stay_within_memory() {
     // Each pixel looks elsewhere: windows must be split.
     let image = picture(4096, 4096, |x, _| x / 4096.0);
     let pyramid = Pyramid::new(&image, Encoding::default()).unwrap();
-    let preimages: Vec<Preimage> = (0..1024)
-        .map(|i| Preimage {
-            at: [(i * 2477 % 4096) as f32, (i * 1531 % 4096) as f32],
-            dx: [1.0, 0.0],
-            dy: [0.0, 1.0],
-            cover: 1.0,
-            block: 0,
-        })
-        .collect();
+    let place = |i: usize| [(i * 2477 % 4096) as f32, (i * 1531 % 4096) as f32];
+    let mut footprints = Footprints::new(1024, true);
+    for i in 0..1024 {
+        footprints.set(i, Footprint { at: place(i), dx: [1.0, 0.0], dy: [0.0, 1.0], cover: 1.0 });
+    }
     for filter in FILTERS {
         let (mut window, mut out) = (Window::default(), vec![[0.0; 4]; 1024]);
-        warp_image(&pyramid, filter, &Block { width: 32, base: [0, 0], preimages: &preimages }, &mut window, &mut out);
+        warp_image(
+            &pyramid,
+            filter,
+            &Block { width: 32, base: [0, 0], seen: footprints.seen() },
+            &mut window,
+            &mut out,
+        );
         assert!(window.texels.capacity() < 1 << 18, "{filter:?}: {}", window.texels.capacity());
-        for (p, o) in preimages.iter().zip(&out) {
-            assert!((o[0] - p.at[0] / 4096.0).abs() < 1e-3, "{filter:?}");
+        for (i, o) in out.iter().enumerate() {
+            assert!((o[0] - place(i)[0] / 4096.0).abs() < 1e-3, "{filter:?}");
         }
+    }
+}
+
+/// The filters one tap at a time, in double precision, from decoded texels continued by the border.
+fn by_hand<const TAPS: usize>(
+    image: &Image,
+    alpha: Alpha,
+    weights: impl Fn(f64) -> [f64; TAPS],
+    p: [f64; 2],
+) -> [f64; 4] {
+    let channels = image.channels as usize;
+    let texel = |x: i64, y: i64| {
+        let x = x.clamp(0, i64::from(image.width) - 1) as u32;
+        let y = y.clamp(0, i64::from(image.height) - 1) as u32;
+        let mut t = [0.0; 4];
+        (0..channels).for_each(|c| t[c] = f64::from(image.get(x, y, c as u32)));
+        if image.has_alpha() && alpha == Alpha::Opacity {
+            (0..channels - 1).for_each(|c| t[c] *= t[channels - 1]);
+        }
+        t
+    };
+    let q = p.map(|v| v - 0.5);
+    let first = q.map(|v| v.floor() as i64 - (TAPS as i64 / 2 - 1));
+    let [wx, wy] = q.map(|v| weights(v - v.floor()));
+    let mut sum = [0.0; 4];
+    for j in 0..TAPS {
+        for i in 0..TAPS {
+            let t = texel(first[0] + i as i64, first[1] + j as i64);
+            (0..4).for_each(|c| sum[c] += wx[i] * wy[j] * t[c]);
+        }
+    }
+    sum
+}
+
+#[test]
+fn every_kind_of_samples_is_filtered_as_by_hand() {
+    let (w, h) = (45, 38);
+    let value = |i: usize| (i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40;
+    for channels in 1..=4_u32 {
+        let count = (w * h * channels) as usize;
+        let kinds = [
+            Pixels::U8((0..count).map(|i| value(i) as u8).collect()),
+            Pixels::U16((0..count).map(|i| value(i) as u16).collect()),
+            Pixels::F32((0..count).map(|i| (value(i) & 1023) as f32 / 1023.0).collect()),
+        ];
+        for pixels in kinds {
+            let image = Image::new(w, h, channels, pixels).unwrap();
+            for alpha in [Alpha::Opacity, Alpha::Data] {
+                let pyramid = Pyramid::new(&image, Encoding { alpha, ..Encoding::default() }).unwrap();
+                // Within the picture to its last sample, so that nothing is continued, and over its borders.
+                for (a, b) in [([[0.9, 0.1], [-0.07, 0.8]], [2.0, 4.5]), ([[1.2, -0.3], [0.2, 1.3]], [-5.0, -6.0])] {
+                    let (mut footprints, base) = affine(33, 34, a, b);
+                    footprints.set(7, Footprint::default());
+                    let corner = [44.499 - base[0] as f32, 37.499 - base[1] as f32];
+                    footprints.set(8, Footprint { at: corner, cover: 0.5, ..Footprint::default() });
+                    let seen = footprints.seen();
+                    for filter in [Filter::Bilinear, Filter::Lanczos, Filter::Lanczos4] {
+                        let mut out = vec![[7.0; 4]; seen.len()];
+                        let block = Block { width: 33, base, seen };
+                        warp_image(&pyramid, filter, &block, &mut Window::default(), &mut out);
+                        for (i, out) in out.iter().enumerate() {
+                            if i == 7 {
+                                assert_eq!(*out, [7.0; 4], "pixels that look nowhere are left alone");
+                                continue;
+                            }
+                            let p = [0, 1].map(|a| f64::from(seen.place(i)[a]) + f64::from(base[a]));
+                            let expected = match filter {
+                                Filter::Bilinear => by_hand(&image, alpha, |f| [1.0 - f, f], p),
+                                Filter::Lanczos => by_hand(&image, alpha, exact_weights::<6>, p),
+                                _ => by_hand(&image, alpha, exact_weights::<8>, p),
+                            };
+                            for c in 0..4 {
+                                let off = (f64::from(out[c]) - expected[c]).abs();
+                                assert!(off < 2e-5, "{filter:?} {channels} {alpha:?} pixel {i}: {off}");
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn samples_read_directly_are_those_of_windows() {
+    for channels in 1..=4 {
+        let samples = (0..400 * channels).map(|i| (i * i % 251) as u8).collect();
+        let image = Image::new(20, 20, channels, Pixels::U8(samples)).unwrap();
+        let (a, b) = ([[0.93, 0.21], [-0.17, 0.88]], [8.0, 9.0]);
+        let direct = warped(&image, Filter::Bilinear, 8, 8, a, b);
+        let pyramid = Pyramid::new(&image, Encoding::default()).unwrap();
+        let (footprints, base) = affine(8, 8, a, b);
+        let block = Block { width: 8, base, seen: footprints.seen() };
+        let (mut out, whole) = (vec![[0.0; 4]; 64], Part { x: 0, y: 0, width: 8, height: 8 });
+        assert!(direct::bilinear(&pyramid, &block, &bounds(&block, whole), &mut out.clone()));
+        run(&pyramid, &block, &Nearest { block: &block, filter: Bilinear }, whole, &mut Window::default(), &mut out);
+        assert_eq!(out, direct);
     }
 }

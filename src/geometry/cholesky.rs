@@ -1,0 +1,92 @@
+//! Sparse Cholesky factors of symmetric positive definite matrices.
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt::factor::LltRegularization;
+use faer::sparse::linalg::cholesky::{LltRef, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky};
+use faer::sparse::{SparseColMat, SymbolicSparseColMat};
+use faer::{Conj, Mat, Par, Side};
+
+use crate::error::{Error, Result};
+
+/// A factorised matrix.
+#[derive(Debug)]
+pub(crate) struct SparseCholesky {
+    symbolic: SymbolicCholesky<usize>,
+    values: Vec<f64>,
+    /// Names the system in messages.
+    what: &'static str,
+}
+
+impl SparseCholesky {
+    /// Factorises the matrix whose lower half is given by columns: the entries of column c are those from `starts[c]` to `starts[c + 1]`, rows ascending.
+    ///
+    /// Sequential, so that the number of threads does not change the result. `None` if the matrix is not numerically positive definite.
+    ///
+    /// # Errors
+    /// [`Error::Numeric`], naming the system by `what`, if there is not enough memory.
+    pub(crate) fn new(
+        what: &'static str,
+        starts: Vec<usize>,
+        rows: Vec<usize>,
+        values: Vec<f64>,
+    ) -> Result<Option<Self>> {
+        let n = starts.len() - 1;
+        let pattern = SymbolicSparseColMat::new_checked(n, n, starts, None, rows);
+        let matrix = SparseColMat::new(pattern, values);
+        let matrix = matrix.as_ref();
+        let symbolic =
+            factorize_symbolic_cholesky(matrix.symbolic(), Side::Lower, SymmetricOrdering::Amd, Default::default())
+                .map_err(|e| failed(what, &format!("{e:?}")))?;
+        let mut factor = Vec::new();
+        factor.try_reserve_exact(symbolic.len_val()).map_err(|_| failed(what, "out of memory"))?;
+        factor.resize(symbolic.len_val(), 0.0);
+        let request = symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());
+        let mut scratch = MemBuffer::try_new(request).map_err(|_| failed(what, "out of memory"))?;
+        let done = symbolic.factorize_numeric_llt(
+            &mut factor,
+            matrix,
+            Side::Lower,
+            LltRegularization::default(),
+            Par::Seq,
+            MemStack::new(&mut scratch),
+            Default::default(),
+        );
+        Ok(done.is_ok().then_some(Self { symbolic, values: factor, what }))
+    }
+
+    /// Replaces the columns of `x` by the solutions.
+    ///
+    /// # Errors
+    /// [`Error::Numeric`] if there is not enough memory.
+    pub(crate) fn solve(&self, x: &mut Mat<f64>) -> Result<()> {
+        let request = self.symbolic.solve_in_place_scratch::<f64>(x.ncols(), Par::Seq);
+        let mut scratch = MemBuffer::try_new(request).map_err(|_| failed(self.what, "out of memory"))?;
+        let llt = LltRef::new(&self.symbolic, &self.values);
+        llt.solve_in_place_with_conj(Conj::No, x.as_mut(), Par::Seq, MemStack::new(&mut scratch));
+        Ok(())
+    }
+}
+
+fn failed(what: &str, why: &str) -> Error {
+    Error::numeric(format!("{what} could not be solved for: {why}"), "Use a smaller mesh or more memory")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_solves_and_knows_what_is_not_positive() {
+        // [4 1 0; 1 3 1; 0 1 2]
+        let lower = |d: f64| (vec![0, 2, 4, 5], vec![0, 1, 1, 2, 2], vec![d, 1.0, 3.0, 1.0, 2.0]);
+        let (starts, rows, values) = lower(4.0);
+        let factor = SparseCholesky::new("the test", starts, rows, values).unwrap().unwrap();
+        let mut x = Mat::from_fn(3, 2, |i, k| [[4.0 + 2.0, 1.0], [1.0 + 6.0 + 3.0, 3.0], [2.0 + 6.0, 1.0]][i][k]);
+        factor.solve(&mut x).unwrap();
+        for (i, wanted) in [[1.0, 0.0], [2.0, 1.0], [3.0, 0.0]].iter().enumerate() {
+            assert!((x[(i, 0)] - wanted[0]).abs() < 1e-12 && (x[(i, 1)] - wanted[1]).abs() < 1e-12);
+        }
+        let (starts, rows, values) = lower(-4.0);
+        assert!(SparseCholesky::new("the test", starts, rows, values).unwrap().is_none());
+    }
+}

@@ -1,0 +1,287 @@
+//! Where each vertex of the target may go: several predictions, the best of them chosen by what they say of anchors left out.
+
+use glam::DVec3;
+use nalgebra::DMatrix;
+
+use super::radial::Radial;
+use super::rigid::{Turn, rigid, rigid_in_space};
+use crate::surface::correspondence::drift::{Anchors, Place, predict};
+use crate::surface::correspondence::procrustes::{identity, orthogonal};
+use crate::surface::vector::{Vector, add_scaled, distance_squared, dot, sub};
+
+/// What is known of the anchors, all lengths at unit area.
+#[derive(Clone, Debug)]
+pub(super) struct Known<const D: usize> {
+    /// On the target: point and tangent plane in the embedding.
+    pub(super) places: Vec<Place<D>>,
+    /// The points alone.
+    pub(super) a: Vec<Vector<f64, D>>,
+    /// On the source, in the embedding.
+    pub(super) b: Vec<Vector<f64, D>>,
+    /// On the target, in space.
+    pub(super) s: Vec<DVec3>,
+    /// On the source, in space.
+    pub(super) t: Vec<DVec3>,
+}
+
+/// A point of the target in both spaces.
+pub(super) type Point<const D: usize> = (Place<D>, DVec3);
+
+/// A map from points of the target to R^M.
+type Prediction<'a, const D: usize, const M: usize> = Box<dyn Fn(&Point<D>) -> [f64; M] + Sync + 'a>;
+
+/// A prediction of points of R^M, with what it misses each anchor by when that is left out.
+pub(super) struct Predictor<'a, const D: usize, const M: usize> {
+    /// For the report: predictions and their weights in the mixture.
+    pub(super) parts: Vec<(&'static str, f64)>,
+    predict: Prediction<'a, D, M>,
+    /// Predicted minus given, anchor by anchor.
+    pub(super) left_out: Vec<[f64; M]>,
+}
+
+impl<const D: usize, const M: usize> Predictor<'_, D, M> {
+    pub(super) fn at(&self, point: &Point<D>) -> [f64; M] {
+        (self.predict)(point)
+    }
+
+    /// Root mean square of the errors of left out anchors, the worst tenth passed over.
+    pub(super) fn error(&self) -> f64 {
+        let mut squares: Vec<f64> = self.left_out.iter().map(|e| e.iter().map(|x| x * x).sum()).collect();
+        squares.sort_by(f64::total_cmp);
+        let kept = squares.len() - squares.len() / 10;
+        (squares[..kept].iter().sum::<f64>() / kept as f64).sqrt()
+    }
+}
+
+/// The mixture of all with the smallest error of left out anchors: nonnegative weights that sum to one (stacking; Breiman, 1996). Predictions err in different directions, so
+/// that a mixture is better than the best of them. `None` if there are none.
+fn mixed<const D: usize, const M: usize>(all: Vec<Predictor<'_, D, M>>) -> Option<Predictor<'_, D, M>> {
+    let usable: Vec<Predictor<'_, D, M>> = if all.iter().any(|p| p.error().is_finite()) {
+        all.into_iter().filter(|p| p.error().is_finite()).collect()
+    } else {
+        return all.into_iter().next();
+    };
+    // The anchors that the best one predicts worst say more about themselves than about predictions.
+    let best = usable.iter().min_by(|x, y| x.error().total_cmp(&y.error()))?;
+    let size = |e: &[f64; M]| e.iter().map(|x| x * x).sum::<f64>();
+    let mut order: Vec<usize> = (0..best.left_out.len()).collect();
+    order.sort_by(|&i, &j| size(&best.left_out[i]).total_cmp(&size(&best.left_out[j])));
+    order.truncate(order.len() - order.len() / 10);
+    let product = |p: &Predictor<'_, D, M>, q: &Predictor<'_, D, M>| -> f64 {
+        order.iter().map(|&i| (0..M).map(|m| p.left_out[i][m] * q.left_out[i][m]).sum::<f64>()).sum()
+    };
+    let gram: Vec<Vec<f64>> = usable.iter().map(|p| usable.iter().map(|q| product(p, q)).collect()).collect();
+    let weights = mixture(&gram);
+    let names = usable.iter().zip(&weights).filter(|(_, w)| **w > 0.0).map(|(p, &w)| (p.parts[0].0, w)).collect();
+    let left_out = (0..usable[0].left_out.len())
+        .map(|i| std::array::from_fn(|m| usable.iter().zip(&weights).map(|(p, w)| w * p.left_out[i][m]).sum()))
+        .collect();
+    let parts: Vec<_> = usable.into_iter().zip(weights).filter(|(_, w)| *w > 0.0).collect();
+    let predict = move |p: &Point<D>| {
+        let mut sum = [0.0; M];
+        for (part, w) in &parts {
+            let one = part.at(p);
+            (0..M).for_each(|m| sum[m] += w * one[m]);
+        }
+        sum
+    };
+    Some(Predictor { parts: names, predict: Box::new(predict), left_out })
+}
+
+/// The weights `w >= 0`, `sum w = 1`, that minimise `w' G w` for a positive semidefinite G: weight is shifted between two at a time. Those below a fiftieth are dropped.
+fn mixture(gram: &[Vec<f64>]) -> Vec<f64> {
+    let n = gram.len();
+    let mut w = vec![1.0 / n as f64; n];
+    let mut alive: Vec<usize> = (0..n).collect();
+    for _ in 0..2 {
+        for _ in 0..100 {
+            for x in 0..alive.len() {
+                for y in 0..x {
+                    let (i, j) = (alive[x], alive[y]);
+                    // d/dt of w' G w when t goes from j to i.
+                    let slope: f64 = (0..n).map(|k| w[k] * (gram[i][k] - gram[j][k])).sum();
+                    let curvature = gram[i][i] - 2.0 * gram[i][j] + gram[j][j];
+                    let t = if curvature > 0.0 { -slope / curvature } else { 0.0 };
+                    let t = t.clamp(-w[i], w[j]);
+                    w[i] += t;
+                    w[j] -= t;
+                }
+            }
+        }
+        alive.retain(|&i| w[i] >= 0.02);
+        let kept: f64 = alive.iter().map(|&i| w[i]).sum();
+        w = (0..n).map(|i| if alive.contains(&i) { w[i] / kept } else { 0.0 }).collect();
+    }
+    w
+}
+
+/// A prediction by itself.
+fn one(name: &'static str) -> Vec<(&'static str, f64)> {
+    vec![(name, 1.0)]
+}
+
+fn rows<const M: usize>(x: &DMatrix<f64>) -> Vec<[f64; M]> {
+    (0..x.nrows()).map(|i| std::array::from_fn(|m| -x[(i, m)])).collect()
+}
+
+fn array(p: DVec3) -> [f64; 3] {
+    p.to_array()
+}
+
+impl<const D: usize> Known<D> {
+    fn count(&self) -> usize {
+        self.a.len()
+    }
+
+    fn kernel(&self, phi: impl Fn(f64) -> f64) -> DMatrix<f64> {
+        DMatrix::from_fn(self.count(), self.count(), |i, j| phi(distance_squared(&self.a[i], &self.a[j]).sqrt()))
+    }
+
+    fn phi(&self, y: &Vector<f64, D>, phi: impl Fn(f64) -> f64) -> Vec<f64> {
+        self.a.iter().map(|a| phi(distance_squared(a, y).sqrt())).collect()
+    }
+
+    /// How much wider the anchors stand on the source than on the target: not 1 at unit area where one surface is a part of the other, or has a tail the other lacks.
+    fn scale<const M: usize>(&self, from: &[Vector<f64, M>], to: &[Vector<f64, M>]) -> f64 {
+        let spread = |x: &[Vector<f64, M>]| {
+            let mean = x.iter().fold([0.0; M], |sum, p| add_scaled(&sum, 1.0 / x.len() as f64, p));
+            x.iter().map(|p| distance_squared(p, &mean)).sum::<f64>()
+        };
+        let ratio = (spread(to) / spread(from)).sqrt();
+        if ratio.is_finite() && ratio > 0.0 { ratio } else { 1.0 }
+    }
+
+    /// Predictions in the embedding.
+    pub(super) fn embedded(&self) -> Option<Predictor<'_, D, D>> {
+        let n = self.count();
+        let global = orthogonal(&self.a, &self.b, &vec![1.0; n], &identity());
+        let turned = move |y: &Vector<f64, D>| -> Vector<f64, D> { std::array::from_fn(|k| dot(&global[k], y)) };
+        let sides = (self.a.as_slice(), self.b.as_slice());
+        let mut all: Vec<Predictor<'_, D, D>> =
+            [("rigid moving least squares", 1.0), ("similar moving least squares", self.scale(&self.a, &self.b))]
+                .into_iter()
+                .map(|(name, scale)| Predictor {
+                    parts: one(name),
+                    predict: Box::new(move |p: &Point<D>| rigid(&p.0.0, sides, &global, scale, None)),
+                    left_out: (0..n)
+                        .map(|i| sub(&rigid(&self.a[i], sides, &global, scale, Some(i)), &self.b[i]))
+                        .collect(),
+                })
+                .collect();
+        if n > 3 {
+            all.push(Predictor {
+                parts: one("residual transport"),
+                predict: Box::new(|p: &Point<D>| predict(&p.0, Anchors { a: &self.a, b: &self.b }, Some(1.0))),
+                left_out: (0..n)
+                    .map(|i| {
+                        let without = |x: &[Vector<f64, D>]| [&x[..i], &x[i + 1..]].concat();
+                        let (a, b) = (without(&self.a), without(&self.b));
+                        sub(&predict(&self.places[i], Anchors { a: &a, b: &b }, Some(1.0)), &self.b[i])
+                    })
+                    .collect(),
+            });
+        }
+        let ones = DMatrix::from_element(n, 1, 1.0);
+        let rest = DMatrix::from_fn(n, D, |i, k| self.b[i][k] - turned(&self.a[i])[k]);
+        if let Some(fit) = Radial::fit(&self.kernel(|r| r), &ones, &rest) {
+            all.push(Predictor {
+                parts: one("linear radial functions"),
+                left_out: rows(&fit.left_out),
+                predict: Box::new(move |p: &Point<D>| {
+                    let (y, r) = (turned(&p.0.0), fit.at::<D>(&self.phi(&p.0.0, |r| r), &[1.0]));
+                    std::array::from_fn(|k| y[k] + r[k])
+                }),
+            });
+        }
+        if n >= 2 * (D + 1) {
+            let affine = DMatrix::from_fn(n, D + 1, |i, k| if k == 0 { 1.0 } else { self.a[i][k - 1] });
+            let values = DMatrix::from_fn(n, D, |i, k| self.b[i][k]);
+            if let Some(fit) = Radial::fit(&self.kernel(|r| -r * r * r), &affine, &values) {
+                all.push(Predictor {
+                    parts: one("cubic radial functions"),
+                    left_out: rows(&fit.left_out),
+                    predict: Box::new(move |p: &Point<D>| {
+                        let mut row = vec![1.0];
+                        row.extend(p.0.0);
+                        fit.at(&self.phi(&p.0.0, |r| -r * r * r), &row)
+                    }),
+                });
+            }
+        }
+        mixed(all)
+    }
+
+    /// Predictions in space.
+    pub(super) fn spatial(&self) -> Option<Predictor<'_, D, 3>> {
+        let n = self.count();
+        let sides = (self.s.as_slice(), self.t.as_slice());
+        let scale = {
+            let rows = |p: &[DVec3]| p.iter().map(|p| [p.x, p.y, p.z, 0.0]).collect::<Vec<[f64; 4]>>();
+            self.scale(&rows(&self.s), &rows(&self.t))
+        };
+        let mut all: Vec<Predictor<'_, D, 3>> = [
+            ("rigid motions along the surface", false, 1.0),
+            ("similarities along the surface", false, scale),
+            ("reflections along the surface", true, 1.0),
+            ("reflected similarities along the surface", true, scale),
+        ]
+        .into_iter()
+        .map(|(name, mirror, scale)| {
+            let turn = Turn { mirror, scale };
+            Predictor {
+                parts: one(name),
+                predict: Box::new(move |p: &Point<D>| array(rigid_in_space((&p.0.0, p.1), &self.a, sides, turn, None))),
+                left_out: (0..n)
+                    .map(|i| {
+                        let at = (&self.a[i], self.s[i]);
+                        array(rigid_in_space(at, &self.a, sides, turn, Some(i)) - self.t[i])
+                    })
+                    .collect(),
+            }
+        })
+        .collect();
+        if n >= 5 {
+            let affine = DMatrix::from_fn(n, 4, |i, k| if k == 0 { 1.0 } else { self.s[i][k - 1] });
+            let values = DMatrix::from_fn(n, 3, |i, k| self.t[i][k]);
+            let row = |x: DVec3| [1.0, x.x, x.y, x.z];
+            let apart = DMatrix::from_fn(n, n, |i, j| self.s[i].distance(self.s[j]));
+            if let Some(fit) = Radial::fit(&apart, &affine, &values) {
+                all.push(Predictor {
+                    parts: one("radial functions in space"),
+                    left_out: rows(&fit.left_out),
+                    predict: Box::new(move |p: &Point<D>| {
+                        let phi: Vec<f64> = self.s.iter().map(|s| s.distance(p.1)).collect();
+                        fit.at(&phi, &row(p.1))
+                    }),
+                });
+            }
+            if let Some(fit) = Radial::fit(&self.kernel(|r| r), &affine, &values) {
+                all.push(Predictor {
+                    parts: one("radial functions along the surface"),
+                    left_out: rows(&fit.left_out),
+                    predict: Box::new(move |p: &Point<D>| fit.at(&self.phi(&p.0.0, |r| r), &row(p.1))),
+                });
+            }
+        }
+        mixed(all)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mixture_is_the_least_in_the_simplex() {
+        // Two equal errors in opposite directions cancel; a third, larger one is not needed.
+        let w = mixture(&[vec![1.0, -1.0, 0.5], vec![-1.0, 1.0, -0.5], vec![0.5, -0.5, 9.0]]);
+        assert!((w[0] - 0.5).abs() < 1e-9 && (w[1] - 0.5).abs() < 1e-9 && w[2] == 0.0, "{w:?}");
+        // Independent errors are weighted by the inverse of their squares; one that only repeats a better one is dropped.
+        let w = mixture(&[vec![1.0, 0.0], vec![0.0, 4.0]]);
+        assert!((w[0] - 0.8).abs() < 1e-9 && (w[1] - 0.2).abs() < 1e-9, "{w:?}");
+        assert_eq!(mixture(&[vec![1.0, 2.0], vec![2.0, 4.0]]), [1.0, 0.0]);
+        // Exact predictions, and a single one.
+        assert!((mixture(&[vec![0.0, 0.0], vec![0.0, 0.0]]).iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        assert_eq!(mixture(&[vec![3.0]]), [1.0]);
+    }
+}
