@@ -1,5 +1,5 @@
-//! Figure 10 of the encoding paper: a part of one model pasted onto another by a mask. The second model stands elsewhere, turned and twice as large; a blend of
-//! positions (third picture) tears, the average of the encodings (fourth) joins the parts without a seam and keeps both in shape.
+//! Figure 10 of the encoding paper: a part of one model pasted onto another by a mask. The second model stands elsewhere and turned; a blend of
+//! positions, even after they were aligned (third picture), mixes the forms; the average of the encodings (fourth) joins the parts without a seam and keeps both in shape.
 //!
 //! `cargo run --release --example encoding_blend [PICTURE.png]`
 
@@ -27,7 +27,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let mut placed = b.clone();
     for p in &mut placed.positions {
-        *p = DQuat::from_rotation_z(1.2) * *p * 2.0 + DVec3::new(3.0, 1.0, 0.0);
+        *p = DQuat::from_rotation_z(1.2) * *p + DVec3::new(3.0, 1.0, 0.0);
     }
     // The second model where the ball's front is.
     let share = |p: &DVec3| {
