@@ -106,7 +106,7 @@ pub(crate) fn spread_drift<const D: usize>(
             let others = (0..a.len()).filter(|j| *j != i).map(|j| distance_squared(&a[i], &a[j]));
             let next = others.fold(f64::INFINITY, f64::min).sqrt();
             // A single anchor says nothing.
-            if next.is_finite() { l / next.max(f64::MIN_POSITIVE) } else { f64::MAX }
+            if next.is_finite() && !l.is_nan() { l / next.max(f64::MIN_POSITIVE) } else { f64::MAX }
         })
         .collect();
     target

@@ -219,27 +219,30 @@ impl<const D: usize> Known<D> {
             let rows = |p: &[DVec3]| p.iter().map(|p| [p.x, p.y, p.z, 0.0]).collect::<Vec<[f64; 4]>>();
             self.scale(&rows(&self.s), &rows(&self.t))
         };
-        let mut all: Vec<Predictor<'_, D, 3>> = [
-            ("rigid motions along the surface", false, 1.0),
-            ("similarities along the surface", false, scale),
-            ("reflections along the surface", true, 1.0),
-            ("reflected similarities along the surface", true, scale),
-        ]
-        .into_iter()
-        .map(|(name, mirror, scale)| {
-            let turn = Turn { mirror, scale };
-            Predictor {
-                parts: one(name),
-                predict: Box::new(move |p: &Point<D>| array(rigid_in_space((&p.0.0, p.1), &self.a, sides, turn, None))),
-                left_out: (0..n)
-                    .map(|i| {
-                        let at = (&self.a[i], self.s[i]);
-                        array(rigid_in_space(at, &self.a, sides, turn, Some(i)) - self.t[i])
-                    })
-                    .collect(),
-            }
-        })
-        .collect();
+        let along_surface = |names: [&'static str; 2], mirror: bool| -> Vec<Predictor<'_, D, 3>> {
+            let one_with = |(name, scale)| {
+                let turn = Turn { mirror, scale };
+                Predictor {
+                    parts: one(name),
+                    predict: Box::new(move |p: &Point<D>| {
+                        array(rigid_in_space((&p.0.0, p.1), &self.a, sides, turn, None))
+                    }),
+                    left_out: (0..n)
+                        .map(|i| {
+                            let at = (&self.a[i], self.s[i]);
+                            array(rigid_in_space(at, &self.a, sides, turn, Some(i)) - self.t[i])
+                        })
+                        .collect(),
+                }
+            };
+            names.into_iter().zip([1.0, scale]).map(one_with).collect()
+        };
+        let turned = along_surface(["rigid motions along the surface", "similarities along the surface"], false);
+        let mirrored =
+            along_surface(["reflections along the surface", "reflected similarities along the surface"], true);
+        // A shape is mirrored or not: a mixture of both would be flat.
+        let least = |all: &[Predictor<'_, D, 3>]| all.iter().map(Predictor::error).fold(f64::INFINITY, f64::min);
+        let mut all = if least(&mirrored) < least(&turned) { mirrored } else { turned };
         if n >= 5 {
             let affine = DMatrix::from_fn(n, 4, |i, k| if k == 0 { 1.0 } else { self.s[i][k - 1] });
             let values = DMatrix::from_fn(n, 3, |i, k| self.t[i][k]);
