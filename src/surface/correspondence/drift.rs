@@ -41,18 +41,29 @@ pub(crate) fn place<const D: usize>(surface: &PhongSurface<f64, D>, p: &SurfaceP
     (triangle.point(&p.barycentric), orthonormalise(triangle.psi(&p.barycentric)))
 }
 
-/// Where the anchors send a point of the target; `scale` is edges of the source per edge of the target where residuals are carried over.
-pub(crate) fn predict<const D: usize>(at: &Place<D>, anchors: Anchors<'_, D>, scale: Option<f64>) -> Vector<f64, D> {
+/// The orthogonal map that fits all anchors, with edges of the source per edge of the target.
+pub(crate) type Carry<const D: usize> = ([Vector<f64, D>; D], f64);
+
+/// Where the anchors send a point of the target; `carry` ([`global_fit`] of the same anchors) where residuals are carried over.
+pub(crate) fn predict<const D: usize>(
+    at: &Place<D>,
+    anchors: Anchors<'_, D>,
+    carry: Option<&Carry<D>>,
+) -> Vector<f64, D> {
     let Anchors { a, b } = anchors;
     let mut w = vec![0.0; a.len()];
     weights(&at.0, &at.1, a, &mut w);
     let average = |x: &[Vector<f64, D>]| w.iter().zip(x).fold([0.0; D], |sum, (&w, x)| add_scaled(&sum, w, x));
     let mean = average(b);
-    let Some(scale) = scale else { return mean };
-    let global = orthogonal(a, b, &vec![1.0; a.len()], &identity());
-    let q = orthogonal(a, b, &nearness(at, a), &global);
+    let Some((global, scale)) = carry else { return mean };
+    let q = orthogonal(a, b, &nearness(at, a), global);
     let r = sub(&at.0, &average(a));
     std::array::from_fn(|i| mean[i] + scale * dot(&q[i], &r))
+}
+
+/// The orthogonal map that fits all anchors alike.
+pub(crate) fn global_fit<const D: usize>(anchors: Anchors<'_, D>) -> [Vector<f64, D>; D] {
+    orthogonal(anchors.a, anchors.b, &vec![1.0; anchors.a.len()], &identity())
 }
 
 /// For each anchor the distance, along the source's tangent plane and in its edges, between its place and where all others send it. O(n^2 D^2).
@@ -68,7 +79,9 @@ fn left_out<const D: usize>(
         .map(|i| {
             let without = |x: &[Vector<f64, D>]| [&x[..i], &x[i + 1..]].concat();
             let (a, b) = (without(anchors.a), without(anchors.b));
-            let sent = predict(&place(target, &pairs.target[i]), Anchors { a: &a, b: &b }, scale);
+            let others = Anchors { a: &a, b: &b };
+            let carry = scale.map(|scale| (global_fit(others), scale));
+            let sent = predict(&place(target, &pairs.target[i]), others, carry.as_ref());
             let (y, basis) = place(source, &pairs.source[i]);
             let off = sub(&sent, &y);
             dot(&off, &basis[0]).hypot(dot(&off, &basis[1]))

@@ -24,7 +24,6 @@ use crate::geometry::{Mesh, NONE, SurfacePoint};
 use crate::surface::anchors::AnchorPairs;
 use crate::surface::correspondence::drift::{Place, place, spread_drift};
 use crate::surface::correspondence::{Evidence, Shape, Trust, check_faces};
-
 use crate::surface::project::{Found, Projection};
 use crate::surface::vector::{Vector, cast, combine};
 use crate::surface::{NearestVertex, PackedImage, PackedPoint, PhongSurface, PointMap};

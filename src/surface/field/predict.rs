@@ -5,8 +5,7 @@ use nalgebra::DMatrix;
 
 use super::radial::Radial;
 use super::rigid::{Turn, rigid, rigid_in_space};
-use crate::surface::correspondence::drift::{Anchors, Place, predict};
-use crate::surface::correspondence::procrustes::{identity, orthogonal};
+use crate::surface::correspondence::drift::{Anchors, Place, global_fit, predict};
 use crate::surface::vector::{Vector, add_scaled, distance_squared, dot, sub};
 
 /// What is known of the anchors, all lengths at unit area.
@@ -154,7 +153,8 @@ impl<const D: usize> Known<D> {
     /// Predictions in the embedding.
     pub(super) fn embedded(&self) -> Option<Predictor<'_, D, D>> {
         let n = self.count();
-        let global = orthogonal(&self.a, &self.b, &vec![1.0; n], &identity());
+        let known = Anchors { a: &self.a, b: &self.b };
+        let global = global_fit(known);
         let turned = move |y: &Vector<f64, D>| -> Vector<f64, D> { std::array::from_fn(|k| dot(&global[k], y)) };
         let sides = (self.a.as_slice(), self.b.as_slice());
         let mut all: Vec<Predictor<'_, D, D>> =
@@ -171,12 +171,13 @@ impl<const D: usize> Known<D> {
         if n > 3 {
             all.push(Predictor {
                 parts: one("residual transport"),
-                predict: Box::new(|p: &Point<D>| predict(&p.0, Anchors { a: &self.a, b: &self.b }, Some(1.0))),
+                predict: Box::new(move |p: &Point<D>| predict(&p.0, known, Some(&(global, 1.0)))),
                 left_out: (0..n)
                     .map(|i| {
                         let without = |x: &[Vector<f64, D>]| [&x[..i], &x[i + 1..]].concat();
                         let (a, b) = (without(&self.a), without(&self.b));
-                        sub(&predict(&self.places[i], Anchors { a: &a, b: &b }, Some(1.0)), &self.b[i])
+                        let others = Anchors { a: &a, b: &b };
+                        sub(&predict(&self.places[i], others, Some(&(global_fit(others), 1.0))), &self.b[i])
                     })
                     .collect(),
             });
