@@ -236,7 +236,7 @@ fn map_rows(
             row("f64 lanes", Some(reference.0), reference.1);
             row("f32 lanes", Some(cpu.0), cpu.1);
             if let Some(engine) = gpu {
-                let map = DeviceMap::new(engine, single)?;
+                let map = DeviceMap::<WeightedAverages<f32, 8>>::new(engine, single)?;
                 row("device", None, whole(&map, points)?);
             }
         }

@@ -121,7 +121,7 @@ fn main() -> Result<()> {
             if let Some(gpu) = engine.gpu() {
                 kernels(gpu, &target.mesh, &texture)?;
             }
-            let map = DeviceMap::new(&engine, prepare()?)?;
+            let map = DeviceMap::<WeightedAverages<f32, 8>>::new(&engine, prepare()?)?;
             engines.push((engine, Box::new(map)));
         }
         Err(e) => println!("no device: {e}"),

@@ -68,24 +68,24 @@ struct Sums {
     shifted: f32,
 }
 
-fn own(i: u32) -> Vec8 {
-    return Vec8(anchors[4u * i], anchors[4u * i + 1u]);
+fn own(i: u32) -> Vector {
+    return Vector(anchors[4u * i], anchors[4u * i + 1u]);
 }
 
-fn image(i: u32) -> Vec8 {
-    return Vec8(anchors[4u * i + 2u], anchors[4u * i + 3u]);
+fn image(i: u32) -> Vector {
+    return Vector(anchors[4u * i + 2u], anchors[4u * i + 3u]);
 }
 
 // An offset in the plane and its D.
-fn offset(f: Frame, anchor: Vec8) -> vec3f {
-    let v = sub8(anchor, f.y);
-    let p = vec2f(dot8(f.b0, v), dot8(f.b1, v));
+fn offset(f: Frame, anchor: Vector) -> vec3f {
+    let v = sub_vector(anchor, f.y);
+    let p = vec2f(dot_vector(f.b0, v), dot_vector(f.b1, v));
     let within = p.x * p.x + p.y * p.y;
-    return vec3f(p, within + GAMMA * max(dot8(v, v) - within, 0.0));
+    return vec3f(p, within + GAMMA * max(dot_vector(v, v) - within, 0.0));
 }
 
-fn add8(sum: Vec8, q: f32, v: Vec8) -> Vec8 {
-    return Vec8(sum.lo + q * v.lo, sum.hi + q * v.hi);
+fn add_vector(sum: Vector, q: f32, v: Vector) -> Vector {
+    return Vector(sum.lo + q * v.lo, sum.hi + q * v.hi);
 }
 
 fn weight_factor(d: f32) -> f32 {
@@ -93,7 +93,7 @@ fn weight_factor(d: f32) -> f32 {
     return ratio * ratio;
 }
 
-fn push(s: ptr<function, Sums>, f: Frame, j: u32, a: Vec8) {
+fn push(s: ptr<function, Sums>, f: Frame, j: u32, a: Vector) {
     let o = offset(f, a);
     let p = o.xy - (*s).pk;
     let nearer = o.z < (*s).dk;
@@ -124,16 +124,16 @@ struct Means {
     t: f32,
     pk: vec2f,
     mu: vec2f,
-    image: Vec8,
-    own: Vec8,
+    image: Vector,
+    own: Vector,
 }
 
-fn gather(r: ptr<function, Means>, f: Frame, j: u32, a: Vec8, b: Vec8) {
+fn gather(r: ptr<function, Means>, f: Frame, j: u32, a: Vector, b: Vector) {
     let o = offset(f, a);
     let w = select(weight_factor(o.z) * (dot(o.xy - (*r).pk, (*r).mu) + (*r).t), (*r).rest, j == (*r).k);
-    (*r).image = add8((*r).image, w, b);
+    (*r).image = add_vector((*r).image, w, b);
     if OWN {
-        (*r).own = add8((*r).own, w, a);
+        (*r).own = add_vector((*r).own, w, a);
     }
 }
 
@@ -165,39 +165,39 @@ fn weigh(s: Sums) -> Means {
     return r;
 }
 
-fn transported(y: Vec8) -> Vec8 {
-    var r = Vec8();
+fn transported(y: Vector) -> Vector {
+    var r = Vector();
     if params.transported != 0u {
         for (var i = 0u; i < 4u; i++) {
-            r.lo[i] = dot8(Vec8(params.transport[2u * i], params.transport[2u * i + 1u]), y);
-            r.hi[i] = dot8(Vec8(params.transport[2u * i + 8u], params.transport[2u * i + 9u]), y);
+            r.lo[i] = dot_vector(Vector(params.transport[2u * i], params.transport[2u * i + 1u]), y);
+            r.hi[i] = dot_vector(Vector(params.transport[2u * i + 8u], params.transport[2u * i + 9u]), y);
         }
     }
     return r;
 }
 
 struct Correction {
-    d: Vec8,
+    d: Vector,
     residual: f32,
 }
 
 fn correction(x: vec3f, face: u32) -> Correction {
     let v = texel(triangles, face * TRIANGLE_TEXELS).xyz * CORRECTION_TEXELS;
-    let a = Vec8(texel_f32(corrections, v.x), texel_f32(corrections, v.x + 1u));
-    let b = Vec8(texel_f32(corrections, v.y), texel_f32(corrections, v.y + 1u));
-    let c = Vec8(texel_f32(corrections, v.z), texel_f32(corrections, v.z + 1u));
+    let a = Vector(texel_f32(corrections, v.x), texel_f32(corrections, v.x + 1u));
+    let b = Vector(texel_f32(corrections, v.y), texel_f32(corrections, v.y + 1u));
+    let c = Vector(texel_f32(corrections, v.z), texel_f32(corrections, v.z + 1u));
     let r = vec3f(
         texel_f32(corrections, v.x + 2u).x,
         texel_f32(corrections, v.y + 2u).x,
         texel_f32(corrections, v.z + 2u).x,
     );
-    return Correction(combine8(x, a, b, c), x.x * r.x + x.y * r.y + x.z * r.z);
+    return Correction(combine_vectors(x, a, b, c), x.x * r.x + x.y * r.y + x.z * r.z);
 }
 
 fn finish(i: u32, f: Frame, r: Means) {
     let q = transported(f.y);
     let o = i * OUT;
-    var mean = Vec8(q.lo + r.image.lo, q.hi + r.image.hi);
+    var mean = Vector(q.lo + r.image.lo, q.hi + r.image.hi);
     if OWN {
         let average = r.own;
         averages[o + 2u] = average.lo;
@@ -205,10 +205,10 @@ fn finish(i: u32, f: Frame, r: Means) {
         averages[o + 4u] = f.y.lo;
         averages[o + 5u] = f.y.hi;
         if params.corrected != 0u {
-            let left = sub8(f.y, average);
+            let left = sub_vector(f.y, average);
             let c = correction(coordinates(i), points[3u * i]);
             if c.residual > 0.0 {
-                mean = add8(mean, min(sqrt(dot8(left, left)) / c.residual, 1.0), c.d);
+                mean = add_vector(mean, min(sqrt(dot_vector(left, left)) / c.residual, 1.0), c.d);
             }
         }
     }
@@ -266,8 +266,8 @@ fn means(i: u32, s: Sums) -> Means {
             m.z,
             n.xy,
             n.zw,
-            Vec8(averages[at], averages[at + 1u]),
-            Vec8(averages[at + 2u], averages[at + 3u]),
+            Vector(averages[at], averages[at + 1u]),
+            Vector(averages[at + 2u], averages[at + 3u]),
         );
     }
     return weigh(s);

@@ -1,4 +1,4 @@
-// Phong projection of points of R^8 by local search (paper, section 3.3): a walk over triangles from where the centroid of the
+// Phong projection of points by local search, in R^8 or R^12, (paper, section 3.3): a walk over triangles from where the centroid of the
 // target's triangle went; where that fails, from the nearest of three start vertices a walk over vertices, then one over
 // triangles. Reference and explanation: surface::project and WeightedAverages::forward. What finds no root is left to the
 // kernel search_phong.
@@ -21,9 +21,9 @@
 // project::WALK_PATIENCE.
 const PATIENCE: f32 = 0.35;
 
-fn distance_squared(v: u32, y: Vec8) -> f32 {
-    let d = sub8(vertex_point(vertices, v), y);
-    return dot8(d, d);
+fn distance_squared(v: u32, y: Vector) -> f32 {
+    let d = sub_vector(vertex_point(vertices, v), y);
+    return dot_vector(d, d);
 }
 
 // Where a walk over vertices ended: a vertex, its squared distance, and the triangle around it that faces the point; NONE
@@ -34,12 +34,12 @@ struct Walked {
     face: u32,
 }
 
-fn walk_vertices(y: Vec8, start: u32, distance: f32) -> Walked {
+fn walk_vertices(y: Vector, start: u32, distance: f32) -> Walked {
     var v = start;
     var least = distance;
     // One round over the stops finds the nearest neighbour and, with the sum of two stops in a row, the facing triangle.
     for (var step = 0u; step < params.vertex_steps; step++) {
-        let range = texel(vertices, v * VERTEX_TEXELS + 6u);
+        let range = texel(vertices, v * VERTEX_TEXELS + 3u * VECTOR_TEXELS);
         var next = v;
         var before = 0.0;
         var facing = 1e30;
@@ -73,9 +73,9 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let at = i * params.stride + params.point;
-    let y = Vec8(averages[at], averages[at + 1u]);
+    let y = vector_of(averages[at], averages[at + 1u], averages[at + VECTOR_TEXELS - 1u]);
     let begin = i * params.stride + params.reference;
-    let reference = Vec8(averages[begin], averages[begin + 1u]);
+    let reference = vector_of(averages[begin], averages[begin + 1u], averages[begin + VECTOR_TEXELS - 1u]);
 
     let start = texel(starts, points[3u * i]);
     var v = NONE;

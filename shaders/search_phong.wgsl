@@ -22,16 +22,16 @@
 const PATIENCE: f32 = 2.0;
 // search::NEW_LEVEL.
 const NEW_LEVEL: u32 = 0x80000000u;
-const BOUND_TEXELS: u32 = 7u;
+const BOUND_TEXELS: u32 = 3u * VECTOR_TEXELS + 1u;
 
 // Whether the triangle can hold a root; search::TriangleBound.
-fn admits(face: u32, y: Vec8) -> bool {
+fn admits(face: u32, y: Vector) -> bool {
     let i = face * BOUND_TEXELS;
-    let d = sub8(Vec8(texel_f32(bounds, i), texel_f32(bounds, i + 1u)), y);
-    let a = dot8(Vec8(texel_f32(bounds, i + 2u), texel_f32(bounds, i + 3u)), d);
-    let b = dot8(Vec8(texel_f32(bounds, i + 4u), texel_f32(bounds, i + 5u)), d);
-    let reach = texel_f32(bounds, i + 6u);
-    let most = reach.x + reach.y * sqrt(dot8(d, d));
+    let d = sub_vector(texel_vector(bounds, i), y);
+    let a = dot_vector(texel_vector(bounds, i + VECTOR_TEXELS), d);
+    let b = dot_vector(texel_vector(bounds, i + 2u * VECTOR_TEXELS), d);
+    let reach = texel_f32(bounds, i + 3u * VECTOR_TEXELS);
+    let most = reach.x + reach.y * sqrt(dot_vector(d, d));
     return a * a + b * b <= most * most;
 }
 
@@ -43,12 +43,12 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     let i = list[item + 1u];
     let at = i * params.stride + params.point;
-    let y = Vec8(averages[at], averages[at + 1u]);
+    let y = vector_of(averages[at], averages[at + 1u], averages[at + VECTOR_TEXELS - 1u]);
     let begin = i * params.stride + params.reference;
-    let reference = Vec8(averages[begin], averages[begin + 1u]);
+    let reference = vector_of(averages[begin], averages[begin + 1u], averages[begin + VECTOR_TEXELS - 1u]);
 
     let walked = results[i];
-    let range = texel(vertices, (walked.found / VERTEX) * VERTEX_TEXELS + 6u);
+    let range = texel(vertices, (walked.found / VERTEX) * VERTEX_TEXELS + 3u * VECTOR_TEXELS);
     var best = unprojected(walked.found);
     var root = vec3f();
     var k = 0u;

@@ -21,18 +21,18 @@ struct System {
     q5: mat3x2f,
 }
 
-fn tangential(t: Corner, d0: Vec8, d1: Vec8, d2: Vec8) -> mat3x2f {
-    return mat3x2f(dot8(t.a, d0), dot8(t.b, d0), dot8(t.a, d1), dot8(t.b, d1), dot8(t.a, d2), dot8(t.b, d2));
+fn tangential(t: Corner, d0: Vector, d1: Vector, d2: Vector) -> mat3x2f {
+    return mat3x2f(dot_vector(t.a, d0), dot_vector(t.b, d0), dot_vector(t.a, d1), dot_vector(t.b, d1), dot_vector(t.a, d2), dot_vector(t.b, d2));
 }
 
-fn phong_system(vertices: texture_2d<u32>, triangles: texture_2d<u32>, face: u32, head: vec4u, mean: Vec8) -> System {
+fn phong_system(vertices: texture_2d<u32>, triangles: texture_2d<u32>, face: u32, head: vec4u, mean: Vector) -> System {
     let g = gauge(triangles, face, head.w);
     let t0 = corner(vertices, head.x);
     let t1 = corner(vertices, head.y);
     let t2 = corner(vertices, head.z);
-    let d0 = sub8(t0.y, mean);
-    let d1 = sub8(t1.y, mean);
-    let d2 = sub8(t2.y, mean);
+    let d0 = sub_vector(t0.y, mean);
+    let d1 = sub_vector(t1.y, mean);
+    let d2 = sub_vector(t2.y, mean);
     let p0 = tangential(t0, d0, d1, d2);
     let p1 = tangential(t1, d0, d1, d2);
     let p2 = tangential(t2, d0, d1, d2);

@@ -1,13 +1,12 @@
-// Surfaces in R^8 with interpolated tangent planes: tables, Psi. Reference and explanation: surface::psi.
+// Surfaces with interpolated tangent planes: tables, Psi. Reference and explanation: surface::psi. The dimension is that of the Vector which the kernel imports (lib/vector8 or lib/vector12).
 
 //#import lib/table
-//#import lib/vector8
 
 // No vertex, no triangle; geometry::NONE.
 const NONE: u32 = 0xffffffffu;
 
 // Texels of a vertex (point, two rows of the tangent basis, stops) and of a triangle; surface::gpu::tables.
-const VERTEX_TEXELS: u32 = 7u;
+const VERTEX_TEXELS: u32 = 3u * VECTOR_TEXELS + 1u;
 const TRIANGLE_TEXELS: u32 = 5u;
 
 // Below this s a point counts as a vertex; psi::at_vertex.
@@ -15,22 +14,22 @@ const AT_VERTEX: f32 = 9.5367431640625e-7;
 
 // A vertex: its point and the rows of the basis of its tangent plane.
 struct Corner {
-    y: Vec8,
-    a: Vec8,
-    b: Vec8,
+    y: Vector,
+    a: Vector,
+    b: Vector,
 }
 
-fn vertex_point(vertices: texture_2d<u32>, v: u32) -> Vec8 {
+fn vertex_point(vertices: texture_2d<u32>, v: u32) -> Vector {
     let i = v * VERTEX_TEXELS;
-    return Vec8(texel_f32(vertices, i), texel_f32(vertices, i + 1u));
+    return texel_vector(vertices, i);
 }
 
 fn corner(vertices: texture_2d<u32>, v: u32) -> Corner {
     let i = v * VERTEX_TEXELS;
     return Corner(
-        Vec8(texel_f32(vertices, i), texel_f32(vertices, i + 1u)),
-        Vec8(texel_f32(vertices, i + 2u), texel_f32(vertices, i + 3u)),
-        Vec8(texel_f32(vertices, i + 4u), texel_f32(vertices, i + 5u)),
+        texel_vector(vertices, i),
+        texel_vector(vertices, i + VECTOR_TEXELS),
+        texel_vector(vertices, i + 2u * VECTOR_TEXELS),
     );
 }
 

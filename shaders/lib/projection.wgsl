@@ -4,7 +4,7 @@
 
 // Twin: surface::gpu::project_phong::ProjectParams.
 struct ProjectParams {
-    // Halves of vectors an entry of `averages` has, and where the point and what its distance is measured from begin.
+    // Parts of vectors an entry of `averages` has, and where the point and what its distance is measured from begin.
     stride: u32,
     point: u32,
     reference: u32,
@@ -42,10 +42,10 @@ fn unprojected(found: u32) -> Projected {
 }
 
 // The root `x` in triangle `face`.
-fn projected(vertices: texture_2d<u32>, face: u32, head: vec4u, x: vec3f, reference: Vec8, found: u32) -> Projected {
+fn projected(vertices: texture_2d<u32>, face: u32, head: vec4u, x: vec3f, reference: Vector, found: u32) -> Projected {
     let a = vertex_point(vertices, head.x);
     let b = vertex_point(vertices, head.y);
     let c = vertex_point(vertices, head.z);
-    let d = sub8(combine8(x, a, b, c), reference);
-    return Projected(face, x.x, x.y, dot8(d, d), found);
+    let d = sub_vector(combine_vectors(x, a, b, c), reference);
+    return Projected(face, x.x, x.y, dot_vector(d, d), found);
 }

@@ -9,8 +9,8 @@ use super::capability::Capabilities;
 use super::kernel::{BindingKind, GROUP, Kernel, Span};
 use crate::error::{Error, Result};
 
-/// A kernel's name and the bits of its override constants.
-type Variant = (&'static str, Vec<u64>);
+/// A kernel's name and text, and the bits of its override constants.
+type Variant = (&'static str, &'static str, Vec<u64>);
 
 /// A device that runs kernels. All calls may come from any thread; every call fails with [`Error::Device`] once the
 /// device is lost.
@@ -194,7 +194,7 @@ impl Gpu {
     pub fn pipeline(&self, kernel: &'static Kernel) -> Result<Arc<Pipeline>> {
         self.check()?;
         let mut cache = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-        let key = (kernel.name, kernel.constants.iter().map(|c| c.1.to_bits()).collect());
+        let key = (kernel.name, kernel.source, kernel.constants.iter().map(|c| c.1.to_bits()).collect());
         if let Some(p) = cache.get(&key) {
             return Ok(Arc::clone(p));
         }

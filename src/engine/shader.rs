@@ -24,6 +24,7 @@ const LIBRARY: &[(&str, &str)] = &[
     ("lib/projection", include_str!("../../shaders/lib/projection.wgsl")),
     ("lib/span", include_str!("../../shaders/lib/span.wgsl")),
     ("lib/table", include_str!("../../shaders/lib/table.wgsl")),
+    ("lib/vector12", include_str!("../../shaders/lib/vector12.wgsl")),
     ("lib/vector8", include_str!("../../shaders/lib/vector8.wgsl")),
 ];
 

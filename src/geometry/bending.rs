@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::cholesky::SparseCholesky;
+use super::cholesky::{SparseCholesky, SparsePattern};
 use super::laplacian::{Laplacian, SparseRows};
 use crate::error::{Error, Result};
 
@@ -14,13 +14,18 @@ const LEAST_MASS: f64 = 1e-4;
 pub(crate) struct Bending {
     /// Lower half: row v holds column v of the matrix from the diagonal on.
     energy: SparseRows,
+    /// The same places, analysed.
+    pattern: SparsePattern,
     /// Lumped mass of each vertex, positive.
     pub(crate) mass: Vec<f64>,
 }
 
 impl Bending {
-    /// The energy over `triangles`, the usable ones of a mesh. O(V + F).
-    pub(crate) fn new(positions: &[DVec3], triangles: &[[u32; 3]]) -> Self {
+    /// The energy over `triangles`, the usable ones of a mesh. O(V + F), and the analysis for factorisations.
+    ///
+    /// # Errors
+    /// [`Error::Numeric`] if there is not enough memory.
+    pub(crate) fn new(positions: &[DVec3], triangles: &[[u32; 3]]) -> Result<Self> {
         let laplacian = Laplacian::new(positions, triangles);
         let rows = laplacian.without_boundary_flow(positions, triangles);
         let n = positions.len();
@@ -37,7 +42,14 @@ impl Bending {
         }
         // Vertices of no triangle get their diagonal too.
         triplets.extend((0..n as u32).map(|v| (v, v, 0.0)));
-        Self { energy: SparseRows::from_triplets(n, &triplets), mass }
+        let energy = SparseRows::from_triplets(n, &triplets);
+        let (mut starts, mut rows) = (vec![0], Vec::new());
+        for v in 0..n {
+            rows.extend(energy.row(v).0.iter().map(|&j| j as usize));
+            starts.push(rows.len());
+        }
+        let pattern = SparsePattern::new("the relaxation of the map", starts, rows)?;
+        Ok(Self { energy, pattern, mass })
     }
 
     /// Factorises `M + eps L' M^-1 L + weight sum x x'`, `x` being the barycentric coordinates of `ties` to points of triangles.
@@ -57,7 +69,7 @@ impl Bending {
             }
         }
         let extra = SparseRows::from_triplets(n, &extra);
-        let (mut starts, mut rows, mut values) = (vec![0], Vec::new(), Vec::new());
+        let mut values = Vec::new();
         for v in 0..n {
             let (columns, entries) = self.energy.row(v);
             let (tied, weights) = extra.row(v);
@@ -65,12 +77,10 @@ impl Bending {
                 let own = if j as usize == v { self.mass[v] } else { 0.0 };
                 // The corners of a triangle are in each other's rows.
                 let tie = tied.iter().position(|&t| t == j).map_or(0.0, |k| weights[k]);
-                rows.push(j as usize);
                 values.push(eps * e + own + tie);
             }
-            starts.push(rows.len());
         }
-        SparseCholesky::new("the relaxation of the map", starts, rows, values)?.ok_or_else(|| {
+        self.pattern.factorise(&values)?.ok_or_else(|| {
             Error::numeric(
                 "the relaxation of the map breaks down",
                 "Clean the target of degenerate and extremely thin triangles",
@@ -89,7 +99,7 @@ mod tests {
     fn linear_functions_cost_nothing_and_ties_hold() {
         let mesh = irregular_plane(7, 6, 2.0, 1.5, Diagonal::Alternating, 0.3, 3);
         let triangles = mesh.triangles().to_vec();
-        let bending = Bending::new(&mesh.positions, &triangles);
+        let bending = Bending::new(&mesh.positions, &triangles).unwrap();
         let n = mesh.vertex_count();
         // Three points tied to a linear function that the mass pulls to zero: a plate of stiffness 1e6 under a load of at most 5 bends by about
         // 5 L^4 / 8e6 = 1e-5 over its length L of 2, and ties of weight 1e6 give way by as much.

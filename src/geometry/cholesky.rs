@@ -1,48 +1,51 @@
 //! Sparse Cholesky factors of symmetric positive definite matrices.
 
+use std::sync::Arc;
+
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::LltRegularization;
 use faer::sparse::linalg::cholesky::{LltRef, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky};
-use faer::sparse::{SparseColMat, SymbolicSparseColMat};
+use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
 use faer::{Conj, Mat, Par, Side};
 
 use crate::error::{Error, Result};
 
-/// A factorised matrix.
-#[derive(Debug)]
-pub(crate) struct SparseCholesky {
-    symbolic: SymbolicCholesky<usize>,
-    values: Vec<f64>,
+/// The places of the entries of a symmetric matrix, analysed once for any number of factorisations.
+#[derive(Clone, Debug)]
+pub(crate) struct SparsePattern {
+    matrix: SymbolicSparseColMat<usize>,
+    factor: Arc<SymbolicCholesky<usize>>,
     /// Names the system in messages.
     what: &'static str,
 }
 
-impl SparseCholesky {
-    /// Factorises the matrix whose lower half is given by columns: the entries of column c are those from `starts[c]` to `starts[c + 1]`, rows ascending.
-    ///
-    /// Sequential, so that the number of threads does not change the result. `None` if the matrix is not numerically positive definite.
+impl SparsePattern {
+    /// The lower half by columns: the entries of column c are those from `starts[c]` to `starts[c + 1]`, rows ascending.
     ///
     /// # Errors
     /// [`Error::Numeric`], naming the system by `what`, if there is not enough memory.
-    pub(crate) fn new(
-        what: &'static str,
-        starts: Vec<usize>,
-        rows: Vec<usize>,
-        values: Vec<f64>,
-    ) -> Result<Option<Self>> {
+    pub(crate) fn new(what: &'static str, starts: Vec<usize>, rows: Vec<usize>) -> Result<Self> {
         let n = starts.len() - 1;
-        let pattern = SymbolicSparseColMat::new_checked(n, n, starts, None, rows);
-        let matrix = SparseColMat::new(pattern, values);
-        let matrix = matrix.as_ref();
-        let symbolic =
-            factorize_symbolic_cholesky(matrix.symbolic(), Side::Lower, SymmetricOrdering::Amd, Default::default())
+        let matrix = SymbolicSparseColMat::new_checked(n, n, starts, None, rows);
+        let factor =
+            factorize_symbolic_cholesky(matrix.as_ref(), Side::Lower, SymmetricOrdering::Amd, Default::default())
                 .map_err(|e| failed(what, &format!("{e:?}")))?;
+        Ok(Self { matrix, factor: Arc::new(factor), what })
+    }
+
+    /// Factorises the matrix with these values, in the order of the entries. Sequential, so that the number of threads does not change the result. `None` if the matrix is not numerically
+    /// positive definite.
+    ///
+    /// # Errors
+    /// [`Error::Numeric`] if there is not enough memory.
+    pub(crate) fn factorise(&self, values: &[f64]) -> Result<Option<SparseCholesky>> {
+        let matrix = SparseColMatRef::new(self.matrix.as_ref(), values);
         let mut factor = Vec::new();
-        factor.try_reserve_exact(symbolic.len_val()).map_err(|_| failed(what, "out of memory"))?;
-        factor.resize(symbolic.len_val(), 0.0);
-        let request = symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());
-        let mut scratch = MemBuffer::try_new(request).map_err(|_| failed(what, "out of memory"))?;
-        let done = symbolic.factorize_numeric_llt(
+        factor.try_reserve_exact(self.factor.len_val()).map_err(|_| failed(self.what, "out of memory"))?;
+        factor.resize(self.factor.len_val(), 0.0);
+        let request = self.factor.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());
+        let mut scratch = MemBuffer::try_new(request).map_err(|_| failed(self.what, "out of memory"))?;
+        let done = self.factor.factorize_numeric_llt(
             &mut factor,
             matrix,
             Side::Lower,
@@ -51,7 +54,30 @@ impl SparseCholesky {
             MemStack::new(&mut scratch),
             Default::default(),
         );
-        Ok(done.is_ok().then_some(Self { symbolic, values: factor, what }))
+        Ok(done.is_ok().then(|| SparseCholesky { symbolic: Arc::clone(&self.factor), values: factor, what: self.what }))
+    }
+}
+
+/// A factorised matrix.
+#[derive(Debug)]
+pub(crate) struct SparseCholesky {
+    symbolic: Arc<SymbolicCholesky<usize>>,
+    values: Vec<f64>,
+    what: &'static str,
+}
+
+impl SparseCholesky {
+    /// Factorises a matrix whose pattern is used once; see [`SparsePattern`].
+    ///
+    /// # Errors
+    /// As there.
+    pub(crate) fn new(
+        what: &'static str,
+        starts: Vec<usize>,
+        rows: Vec<usize>,
+        values: Vec<f64>,
+    ) -> Result<Option<Self>> {
+        SparsePattern::new(what, starts, rows)?.factorise(&values)
     }
 
     /// Replaces the columns of `x` by the solutions.

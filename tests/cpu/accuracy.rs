@@ -69,7 +69,8 @@ impl<'a> Pair<'a> {
     }
 
     fn map(&self, method: Method) -> Outcome {
-        let options = CorrespondenceOptions { method, precision: Precision::Single, confidence: true };
+        let options =
+            CorrespondenceOptions { method, precision: Precision::Single, ..CorrespondenceOptions::default() };
         let map = correspondence(self.source.shape(), self.target.shape(), &self.anchors, &options).unwrap();
         let sides = ((&self.source.mesh, &self.source.topology), (&self.target.mesh, &self.target.topology));
         let map = vertex_map(sides.0, sides.1, map.as_ref()).unwrap();

@@ -9,6 +9,7 @@ mod decode;
 mod device;
 mod encoding;
 mod encoding_bounds;
+mod field;
 mod patterns;
 mod plane;
 #[path = "../common/plane.rs"]

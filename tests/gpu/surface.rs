@@ -7,9 +7,11 @@ use barymap::models::shapes::{Random, lobed_sphere};
 use barymap::progress::Quiet;
 use barymap::surface::anchors::vertex_point;
 use barymap::surface::correspondence::{CorrespondenceOptions, Method, Shape, WeightedAverages};
-use barymap::surface::gpu::{DeviceMap, correspondence_on};
+use barymap::surface::gpu::{DeviceMap, HostMap, correspondence_on};
 use barymap::surface::vector::distance_squared;
-use barymap::surface::{AnchorPairs, Embedding, EmbeddingOptions, PackedImage, PackedPoint, PointMap, Status};
+use barymap::surface::{
+    AnchorPairs, Embedding, EmbeddingOptions, PackedImage, PackedPoint, PhongSurface, PointMap, Status,
+};
 
 use crate::{downlevel, engine};
 
@@ -42,14 +44,14 @@ fn embedded(amplitude: f64, scale: f64) -> (Mesh, Topology, Embedding) {
     (mesh, topology, embedding)
 }
 
-struct Scene {
+pub(crate) struct Scene {
     source: (Mesh, Topology, Embedding),
     target: (Mesh, Topology, Embedding),
-    anchors: AnchorPairs,
+    pub(crate) anchors: AnchorPairs,
 }
 
 impl Scene {
-    fn new(anchors: usize, scale: f64) -> Self {
+    pub(crate) fn new(anchors: usize, scale: f64) -> Self {
         let source = embedded(0.25, scale);
         let target = embedded(0.32, 1.0);
         let count = target.0.triangle_count();
@@ -65,7 +67,7 @@ impl Scene {
     }
 
     /// The SMPL pair with 93 vertices far from one another as anchors.
-    fn real() -> Self {
+    pub(crate) fn real() -> Self {
         let read = |file: &str| {
             let folder = std::env::var_os("BARYMAP_DATA").expect("BARYMAP_DATA names the folder of real models");
             let path = std::path::Path::new(&folder).join("gt/smpl_same").join(file);
@@ -84,7 +86,7 @@ impl Scene {
         Self { source, target, anchors }
     }
 
-    fn shapes(&self) -> (Shape<'_>, Shape<'_>) {
+    pub(crate) fn shapes(&self) -> (Shape<'_>, Shape<'_>) {
         fn shape(s: &(Mesh, Topology, Embedding)) -> Shape<'_> {
             Shape { mesh: &s.0, topology: &s.1, embedding: Some(&s.2) }
         }
@@ -95,13 +97,17 @@ impl Scene {
         CorrespondenceOptions { method, confidence, ..Default::default() }
     }
 
-    fn device(&self, engine: &Engine, options: &CorrespondenceOptions) -> DeviceMap {
+    fn device(&self, engine: &Engine, options: &CorrespondenceOptions) -> DeviceMap<WeightedAverages<f32, 8>> {
         let (source, target) = self.shapes();
-        DeviceMap::new(engine, WeightedAverages::new(source, target, &self.anchors, options).unwrap()).unwrap()
+        DeviceMap::<WeightedAverages<f32, 8>>::new(
+            engine,
+            WeightedAverages::new(source, target, &self.anchors, options).unwrap(),
+        )
+        .unwrap()
     }
 
     /// Random points of the target, its anchors, and its vertices.
-    fn points(&self, n: usize) -> Vec<PackedPoint> {
+    pub(crate) fn points(&self, n: usize) -> Vec<PackedPoint> {
         let mut random = Random::new(7);
         let count = self.target.0.triangle_count() as f64;
         let mut points: Vec<PackedPoint> = (0..n)
@@ -120,24 +126,24 @@ impl Scene {
 
 /// How two maps of the same points differ, in mean edges of the source.
 #[derive(Debug, Default)]
-struct Comparison {
+pub(crate) struct Comparison {
     distances: Vec<f64>,
     other_decisions: usize,
-    other_statuses: usize,
+    pub(crate) other_statuses: usize,
 }
 
 /// Compares images with the double-precision truth. Images on different triangles count as one decision if they are the same
 /// place: a root on an edge belongs to both.
-fn compare<const D: usize>(
-    truth: &WeightedAverages<f64, D>,
+pub(crate) fn compare<const D: usize>(
+    (truth, surface): (&dyn Fn(PackedPoint) -> PackedImage, &PhongSurface<f64, D>),
     points: &[PackedPoint],
     images: &[PackedImage],
 ) -> Comparison {
     assert_eq!(points.len(), images.len());
     let mut c = Comparison::default();
     for (point, image) in points.iter().zip(images) {
-        let expected = truth.map_point(*point);
-        let place = |i: &PackedImage| i.point().map(|p| truth.source.embed(&p));
+        let expected = truth(*point);
+        let place = |i: &PackedImage| i.point().map(|p| surface.embed(&p));
         match (place(image), place(&expected)) {
             (Some(a), Some(b)) => {
                 let d = distance_squared(&a, &b).sqrt();
@@ -157,10 +163,10 @@ fn quantile(sorted: &[f64], q: f64) -> f64 {
 }
 
 /// 99 of 100 points are nearer to the truth than this, in mean edges.
-const P99: f64 = 5e-5;
+pub(crate) const P99: f64 = 5e-5;
 
 /// `statuses`: how many single precision itself judges differently, on the CPU.
-fn judge(c: &Comparison, points: usize, statuses: usize, p99: f64) -> Result<(), String> {
+pub(crate) fn judge(c: &Comparison, points: usize, statuses: usize, p99: f64) -> Result<(), String> {
     let ok = c.other_decisions * 1000 <= points
         && c.other_statuses * 1000 <= points + 1000 * statuses
         && !c.distances.is_empty()
@@ -212,19 +218,29 @@ fn the_kernels_agree_with_double_precision_on_real_embeddings() {
     agree(engine, &scene, Method::Averages, P99);
 }
 
-/// The kernels' map of 4,000 points against the truth, and corrupted maps that must be refused.
+/// The kernels' map of 4,000 points against the truth.
 fn agree(engine: &Engine, scene: &Scene, method: Method, p99: f64) {
     let options = Scene::options(method, true);
     let device = scene.device(engine, &options);
     let (source, target) = scene.shapes();
     let truth = WeightedAverages::<f64, 8>::new(source, target, &scene.anchors, &options).unwrap();
-    let points = scene.points(4000);
+    let truth: (&dyn Fn(PackedPoint) -> PackedImage, _) = (&|p| truth.map_point(p), &truth.source);
+    check(&device, truth, &scene.points(4000), p99);
+}
+
+/// A map on a device against the truth, and corrupted maps that must be refused.
+pub(crate) fn check<M: HostMap, const D: usize>(
+    device: &DeviceMap<M>,
+    truth: (&dyn Fn(PackedPoint) -> PackedImage, &PhongSurface<f64, D>),
+    points: &[PackedPoint],
+    p99: f64,
+) {
     let mut images = Vec::new();
-    device.map(&points, &mut images).unwrap();
-    let c = compare(&truth, &points, &images);
+    device.map(points, &mut images).unwrap();
+    let c = compare(truth, points, &images);
     let mut single = Vec::new();
-    device.reference().map(&points, &mut single).unwrap();
-    let statuses = compare(&truth, &points, &single).other_statuses;
+    device.reference().map(points, &mut single).unwrap();
+    let statuses = compare(truth, points, &single).other_statuses;
     judge(&c, points.len(), statuses, p99).unwrap();
     eprintln!("left to the reference: {}", device.left_to_reference());
     // On real embeddings the published averages leave more of them: where the anchors do not cover, nothing is near.
@@ -235,11 +251,11 @@ fn agree(engine: &Engine, scene: &Scene, method: Method, p99: f64) {
     for image in moved.iter_mut().step_by(50) {
         image.b0 += 0.01 * if image.b0 > 0.5 { -1.0 } else { 1.0 };
     }
-    assert!(judge(&compare(&truth, &points, &moved), points.len(), statuses, p99).is_err());
+    assert!(judge(&compare(truth, points, &moved), points.len(), statuses, p99).is_err());
     for image in images.iter_mut().step_by(100) {
         image.status = Status::Failed as u32;
     }
-    assert!(judge(&compare(&truth, &points, &images), points.len(), statuses, p99).is_err());
+    assert!(judge(&compare(truth, points, &images), points.len(), statuses, p99).is_err());
 }
 
 #[test]
@@ -275,7 +291,7 @@ fn four_dimensions_work_on_the_device_too() {
     let points = scene.points(1000);
     let mut images = Vec::new();
     map.map(&points, &mut images).unwrap();
-    let c = compare(&truth, &points, &images);
+    let c = compare((&|p| truth.map_point(p), &truth.source), &points, &images);
     judge(&c, points.len(), 0, P99).unwrap();
 }
 
@@ -303,10 +319,10 @@ fn points_off_the_target_are_an_error() {
     let device = scene.device(engine, &Scene::options(Method::Averages, false));
     let mut images = Vec::new();
     assert!(device.map(&[PackedPoint { face: 1 << 30, b0: 0.0, b1: 0.0 }], &mut images).is_err());
-    assert!(DeviceMap::obstacle(engine, 12).is_some_and(|why| why.contains("12")));
-    assert!(DeviceMap::obstacle(&Engine::cpu(), 8).is_some());
+    assert!(DeviceMap::<WeightedAverages<f32, 8>>::obstacle(engine, 12).is_some_and(|why| why.contains("12")));
+    assert!(DeviceMap::<WeightedAverages<f32, 8>>::obstacle(&Engine::cpu(), 8).is_some());
     let (source, target) = scene.shapes();
     let options = Scene::options(Method::Averages, false);
     let map = WeightedAverages::<f32, 8>::new(source, target, &scene.anchors, &options).unwrap();
-    assert!(DeviceMap::new(&Engine::cpu(), map).is_err());
+    assert!(DeviceMap::<WeightedAverages<f32, 8>>::new(&Engine::cpu(), map).is_err());
 }

@@ -21,9 +21,9 @@ pub struct Baseline {
     warp: Warp,
 }
 
-/// The map of space.
+/// A map of space.
 #[derive(Debug)]
-enum Warp {
+pub(crate) enum Warp {
     Similarity { rotation: Matrix3<f64>, scale: f64, from: DVec3, to: DVec3 },
     Radial { centres: Vec<DVec3>, coefficients: Vec<DVec3>, affine: [DVec3; 4], origin: DVec3, unit: f64 },
 }
@@ -37,7 +37,7 @@ impl Baseline {
         let from: Vec<DVec3> = anchors.target.iter().map(|p| p.position(target.mesh)).collect();
         let to: Vec<DVec3> = anchors.source.iter().map(|p| p.position(source.mesh)).collect();
         let warp = match method {
-            Method::Rbf => radial(&from, &to)?,
+            Method::Rbf => Warp::radial(&from, &to)?,
             _ => similarity(&from, &to),
         };
         Ok(Self { target: target.mesh.clone(), closest: ClosestPoints::new(source.mesh, source.topology), warp })
@@ -71,7 +71,15 @@ impl PointMap for Baseline {
 }
 
 impl Warp {
-    fn apply(&self, x: DVec3) -> DVec3 {
+    /// Radial basis functions through pairs of points.
+    ///
+    /// # Errors
+    /// If their system breaks down.
+    pub(crate) fn radial(from: &[DVec3], to: &[DVec3]) -> Result<Self> {
+        radial(from, to)
+    }
+
+    pub(crate) fn apply(&self, x: DVec3) -> DVec3 {
         match self {
             Self::Similarity { rotation, scale, from, to } => {
                 let d = x - *from;

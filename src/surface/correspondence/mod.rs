@@ -7,6 +7,7 @@ pub(crate) mod procrustes;
 mod weighted;
 
 pub use baseline::Baseline;
+pub(crate) use baseline::Warp;
 pub use confidence::{Evidence, Trust};
 pub(crate) use weighted::AVERAGE_SCALE;
 pub use weighted::{Scratch, WeightedAverages};
@@ -26,9 +27,9 @@ pub enum Method {
     /// Weighted averages as published: inverse problem on the target, forward problem on the source.
     Averages,
     /// Weighted averages with the residual of the inverse problem carried over; the identity for equal surfaces.
-    #[default]
     Transport,
     /// An image for every vertex, predicted in the embedding and in space and relaxed onto the source ([`super::field`]): the most accurate.
+    #[default]
     Field,
     /// Spatial radial basis functions through the anchors, then the closest point.
     Rbf,
@@ -78,17 +79,26 @@ pub enum Precision {
 /// Options of [`correspondence`].
 #[derive(Clone, Copy, Debug)]
 pub struct CorrespondenceOptions {
-    /// Default [`Method::Transport`].
+    /// Default [`Method::Field`].
     pub method: Method,
     /// Default single.
     pub precision: Precision,
     /// Whether each point gets a confidence and a status by the checks of section 4.4; without them every point that was found is valid. Default true.
     pub confidence: bool,
+    /// Whether the images of [`Method::Field`] and [`Method::Rbf`] are relaxed onto the source; other methods have nothing to relax. `None` is as the method is known: a field is, radial basis
+    /// functions are not. Default `None`.
+    pub relax: Option<bool>,
+}
+
+impl CorrespondenceOptions {
+    pub(crate) fn field(&self) -> FieldOptions {
+        FieldOptions { relax: self.relax.unwrap_or(true), confidence: self.confidence }
+    }
 }
 
 impl Default for CorrespondenceOptions {
     fn default() -> Self {
-        Self { method: Method::default(), precision: Precision::default(), confidence: true }
+        Self { method: Method::default(), precision: Precision::default(), confidence: true, relax: None }
     }
 }
 
@@ -103,6 +113,12 @@ pub fn correspondence(
     options: &CorrespondenceOptions,
 ) -> Result<Box<dyn PointMap + Send>> {
     anchors.check((source.mesh, source.topology), (target.mesh, target.topology))?;
+    if options.method == Method::Rbf && options.relax == Some(true) {
+        return Ok(match options.precision {
+            Precision::Single => Box::new(Field::<f32, 4>::radial(source, target, anchors)?),
+            Precision::Double => Box::new(Field::<f64, 4>::radial(source, target, anchors)?),
+        });
+    }
     if !options.method.needs_embedding() {
         return Ok(Box::new(Baseline::new(source, target, anchors, options.method)?));
     }
@@ -120,17 +136,13 @@ fn weighted<S: LaneScalar>(
 ) -> Result<Box<dyn PointMap + Send>> {
     let dimension = dimension(&source, &target)?;
     if options.method == Method::Field {
-        let options = FieldOptions { confidence: options.confidence, ..FieldOptions::default() };
+        let options = options.field();
         return Ok(match dimension {
             4 => Box::new(Field::<S, 8>::new::<4>(source, target, anchors, &options)?),
             8 => Box::new(Field::<S, 12>::new::<8>(source, target, anchors, &options)?),
-            d => {
-                return Err(Error::option(
-                    "dimension",
-                    format!("the method field works in 4 or 8 dimensions, not in {d}"),
-                    "Embed with --dimension 8, or use --method transport",
-                ));
-            }
+            12 => Box::new(Field::<S, 16>::new::<12>(source, target, anchors, &options)?),
+            16 => Box::new(Field::<S, 20>::new::<16>(source, target, anchors, &options)?),
+            d => return Err(other_dimension(d)),
         });
     }
     Ok(match dimension {
@@ -138,14 +150,12 @@ fn weighted<S: LaneScalar>(
         8 => Box::new(WeightedAverages::<S, 8>::new(source, target, anchors, options)?),
         12 => Box::new(WeightedAverages::<S, 12>::new(source, target, anchors, options)?),
         16 => Box::new(WeightedAverages::<S, 16>::new(source, target, anchors, options)?),
-        d => {
-            return Err(Error::option(
-                "dimension",
-                format!("{d} is not 4, 8, 12 or 16"),
-                "Embed with one of these dimensions",
-            ));
-        }
+        d => return Err(other_dimension(d)),
     })
+}
+
+fn other_dimension(d: usize) -> Error {
+    Error::option("dimension", format!("{d} is not 4, 8, 12 or 16"), "Embed with one of these dimensions")
 }
 
 /// The common dimension of two embedded shapes.

@@ -6,23 +6,29 @@
 //! staying where they are. A point between vertices is interpolated and projected (Phong projection of Panozzo et al. 2013, in more dimensions): no pass over the anchors.
 
 mod closest;
+mod pair;
 mod predict;
 mod radial;
 mod relax;
 mod rigid;
+mod session;
 
 use glam::DVec3;
 use rayon::prelude::*;
 
+pub use self::pair::FieldPair;
+use self::pair::Shapes;
+pub use self::session::{Edit, FieldSession};
+
 use self::closest::ClosestOnSurface;
-use self::predict::{Known, Point};
-use self::relax::{Pin, relax};
+use self::predict::Point;
+use self::relax::{Pin, relax, stiffness};
 use crate::engine::Real;
 use crate::error::{Error, Result};
-use crate::geometry::bending::Bending;
-use crate::geometry::{Mesh, NONE, SurfacePoint};
+use crate::geometry::{NONE, SurfacePoint};
 use crate::surface::anchors::AnchorPairs;
-use crate::surface::correspondence::drift::{Place, place, spread_drift};
+use crate::surface::correspondence::Warp;
+use crate::surface::correspondence::drift::spread_drift;
 use crate::surface::correspondence::{Evidence, Shape, Trust, check_faces};
 use crate::surface::project::{Found, Projection};
 use crate::surface::vector::{Vector, cast, combine};
@@ -53,7 +59,7 @@ impl Default for FieldOptions {
 }
 
 /// What was chosen, for the report.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct FieldReport {
     /// Predictions in the embedding, with their weights.
     pub embedded: Vec<(&'static str, f64)>,
@@ -61,7 +67,7 @@ pub struct FieldReport {
     pub spatial: Vec<(&'static str, f64)>,
     /// Weight of places in space.
     pub lambda: f64,
-    /// For each anchor how far the others would have missed it, over the square root of the source's area.
+    /// For each anchor how far the others would have missed it, over the square root of the source's area; empty where no anchor was left out.
     pub left_out: Vec<f64>,
 }
 
@@ -88,35 +94,6 @@ pub struct Field<S: Real, const K: usize> {
     report: FieldReport,
 }
 
-/// A surface at unit area.
-struct Side<const D: usize> {
-    surface: PhongSurface<f64, D>,
-    /// Square root of the mesh's area, and edges of the embedding at unit area.
-    length: f64,
-    edge: f64,
-}
-
-impl<const D: usize> Side<D> {
-    fn new(shape: &Shape<'_>) -> Result<Self> {
-        let Some(e) = shape.embedding.filter(|e| e.dimension == D) else {
-            return Err(Error::input("an embedding is missing", "Embed both meshes with the same --dimension"));
-        };
-        let surface = PhongSurface::<f64, D>::new(shape.topology, &e.points)?;
-        let length = shape.mesh.area().sqrt();
-        let edge = surface.edge / length;
-        Ok(Self { surface, length, edge })
-    }
-
-    fn place(&self, p: &SurfacePoint) -> Place<D> {
-        let (y, basis) = place(&self.surface, p);
-        (y.map(|x| x * self.edge), basis)
-    }
-
-    fn position(&self, mesh: &Mesh, p: &SurfacePoint) -> DVec3 {
-        p.position(mesh) / self.length
-    }
-}
-
 /// `(y, lambda x, 0)`.
 fn joined<const D: usize, const K: usize>(y: &Vector<f64, D>, lambda: f64, x: [f64; 3]) -> Vector<f64, K> {
     std::array::from_fn(|k| {
@@ -130,117 +107,129 @@ fn joined<const D: usize, const K: usize>(y: &Vector<f64, D>, lambda: f64, x: [f
     })
 }
 
-impl<S: Real, const K: usize> Field<S, K> {
-    /// Predicts and relaxes the images of all vertices of the target. `O(V n D^2)` for the prediction, three sparse factorisations and 16 rounds of closest points for the relaxation.
+/// Where everything goes in R^K before it is drawn onto the source.
+struct Predicted<const K: usize> {
+    /// The vertices of the source.
+    source: Vec<Vector<f64, K>>,
+    /// The image of each vertex of the target.
+    images: Vec<Vector<f64, K>>,
+    /// The image of each anchor.
+    anchors: Vec<Vector<f64, K>>,
+}
+
+impl<S: Real> Field<S, 4> {
+    /// Radial basis functions in space ([`Method::Rbf`](crate::surface::correspondence::Method::Rbf)), the images relaxed onto the source as those of a field are: what the relaxation does for a
+    /// prediction that knows nothing of surfaces. No embeddings are needed, and no point gets a confidence.
     ///
     /// # Errors
-    /// If an embedding is missing or not of dimension `D`, or the relaxation breaks down.
+    /// If the system of the radial basis functions or the relaxation breaks down.
+    pub fn radial(source: Shape<'_>, target: Shape<'_>, anchors: &AnchorPairs) -> Result<Self> {
+        let shapes = Shapes::new(source, target)?;
+        let place = |p: DVec3| joined::<0, 4>(&[], 1.0, p.to_array());
+        let (from, to) = (shapes.on_target(anchors), shapes.on_source(anchors));
+        let warp = Warp::radial(&from, &to)?;
+        let predicted = Predicted {
+            source: (0..source.mesh.vertex_count()).map(|v| place(shapes.source_position(v))).collect(),
+            images: (0..shapes.used.len())
+                .into_par_iter()
+                .map(|v| if shapes.used[v] { place(warp.apply(shapes.target_position(v))) } else { [0.0; 4] })
+                .collect(),
+            anchors: to.into_iter().map(place).collect(),
+        };
+        Self::drawn(&shapes, predicted, anchors, true)
+    }
+}
+
+impl<S: Real, const K: usize> Field<S, K> {
+    /// Predicts and relaxes the images of all vertices of the target, for one set of anchors: see [`FieldPair::field`].
+    ///
+    /// # Errors
+    /// As there, and as [`FieldPair::new`].
     pub fn new<const D: usize>(
         source: Shape<'_>,
         target: Shape<'_>,
         anchors: &AnchorPairs,
         options: &FieldOptions,
     ) -> Result<Self> {
+        FieldPair::<D>::new(source, target)?.field(anchors, options)
+    }
+
+    fn of<const D: usize>(pair: &FieldPair<'_, D>, anchors: &AnchorPairs, options: &FieldOptions) -> Result<Self> {
         const { assert!(K >= D + 3) };
-        let (from, to) = (Side::<D>::new(&target)?, Side::<D>::new(&source)?);
-        let places: Vec<Place<D>> = anchors.target.iter().map(|p| from.place(p)).collect();
-        let known = Known {
-            a: places.iter().map(|p| p.0).collect(),
-            places,
-            b: anchors.source.iter().map(|p| to.place(p).0).collect(),
-            s: anchors.target.iter().map(|p| from.position(target.mesh, p)).collect(),
-            t: anchors.source.iter().map(|p| to.position(source.mesh, p)).collect(),
-        };
+        let FieldPair { shapes, from, to } = pair;
+        let known = pair.known(anchors);
         let (Some(embedded), Some(spatial)) = (known.embedded(), known.spatial()) else {
             return Err(Error::input("there are no anchors", "Give at least one pair, better twenty or more"));
         };
         let ratio = embedded.error() / spatial.error();
         let lambda = if ratio.is_finite() { (SPACE * ratio).clamp(LAMBDA[0], LAMBDA[1]) } else { SPACE };
-
-        // The source with its places in space.
-        let n = source.mesh.vertex_count();
-        let mut rows = Vec::with_capacity(n * K);
-        for v in 0..n {
-            let y: Vector<f64, D> = to.surface.vertices[v].y.map(|x| x * to.edge);
-            rows.extend(joined::<D, K>(&y, lambda, (source.mesh.positions[v] / to.length).to_array()));
-        }
-        let reference = PhongSurface::<f64, K>::new(source.topology, &rows)?;
-        let framed = |z: Vector<f64, K>| -> Vector<f64, K> {
-            std::array::from_fn(|k| (z[k] - reference.centre[k]) / reference.edge)
+        let image = |v: usize| {
+            let vertex = &from.surface.vertices[v];
+            let place = (vertex.y.map(|x| x * from.edge), vertex.t);
+            let point: Point<D> = (place, shapes.target_position(v));
+            joined(&embedded.at(&point), lambda, spatial.at(&point))
         };
-        let vertices = NearestVertex::new(&reference);
-        let closest = ClosestOnSurface::new(&reference, &vertices);
-
-        let used = |v: usize| !target.topology.vertex_triangles(v as u32).is_empty();
-        let count = target.mesh.vertex_count();
-        let mut z: Vec<Vector<f64, K>> = (0..count)
-            .into_par_iter()
-            .map(|v| {
-                if !used(v) {
-                    return [0.0; K];
-                }
-                let vertex = &from.surface.vertices[v];
-                let place = (vertex.y.map(|x| x * from.edge), vertex.t);
-                let point: Point<D> = (place, target.mesh.positions[v] / from.length);
-                framed(joined(&embedded.at(&point), lambda, spatial.at(&point)))
-            })
-            .collect();
-        if options.relax {
-            let positions: Vec<DVec3> = target
-                .mesh
-                .positions
-                .iter()
-                .enumerate()
-                .map(|(v, p)| if used(v) { *p / from.length } else { DVec3::ZERO })
-                .collect();
-            let bending = Bending::new(&positions, &usable_triangles(&target));
-            let pins: Vec<Pin<K>> = anchors
-                .target
-                .iter()
-                .enumerate()
-                .map(|(i, p)| Pin {
-                    v: target.topology.triangles[p.face as usize],
-                    x: p.barycentric,
-                    to: framed(joined(&known.b[i], lambda, known.t[i].to_array())),
-                })
-                .collect();
-            relax(&bending, &closest, &pins, &mut z)?;
-        }
+        // The source with its places in space.
+        let row = |v: usize| {
+            let y: Vector<f64, D> = to.surface.vertices[v].y.map(|x| x * to.edge);
+            joined::<D, K>(&y, lambda, shapes.source_position(v).to_array())
+        };
+        let predicted = Predicted {
+            source: (0..shapes.source.mesh.vertex_count()).map(row).collect(),
+            images: (0..shapes.used.len())
+                .into_par_iter()
+                .map(|v| if shapes.used[v] { image(v) } else { [0.0; K] })
+                .collect(),
+            anchors: known.b.iter().zip(&known.t).map(|(b, t)| joined(b, lambda, t.to_array())).collect(),
+        };
+        let mut field = Self::drawn(shapes, predicted, anchors, options.relax)?;
 
         // What anchors left out would have missed, on the surface.
+        let closest = ClosestOnSurface::new(&field.reference, &field.vertices);
         let left_out: Vec<f64> = (0..known.a.len())
             .map(|i| {
                 let (y, x) = (embedded.left_out[i], spatial.left_out[i]);
                 let y: Vector<f64, D> = std::array::from_fn(|k| known.b[i][k] + y[k]);
                 let x = std::array::from_fn(|k| known.t[i][k] + x[k]);
-                closest.find(&framed(joined(&y, lambda, x))).map_or(1.0, |c| {
-                    let p = SurfacePoint::new(c.face, c.x).position(source.mesh) / to.length;
+                closest.find(&field.framed(joined(&y, lambda, x))).map_or(1.0, |c| {
+                    let p = SurfacePoint::new(c.face, c.x).position(shapes.source.mesh) / shapes.source_length;
                     p.distance(known.t[i])
                 })
             })
             .collect();
-        let drift = if options.confidence {
+        if options.confidence {
             let counted: Vec<f64> = left_out.iter().map(|l| l * few(left_out.len())).collect();
-            spread_drift(&from.surface, from.edge, &known.a, &counted)
-        } else {
-            Vec::new()
-        };
-        let image = |z: &Vector<f64, K>| closest.find(z);
-        let starts = (0..count)
+            field.drift = spread_drift(&from.surface, from.edge, &known.a, &counted);
+        }
+        field.report =
+            FieldReport { embedded: embedded.parts.clone(), spatial: spatial.parts.clone(), lambda, left_out };
+        Ok(field)
+    }
+
+    /// The field of a prediction, drawn onto the source if so asked. It vouches for every point, since nothing is known of errors.
+    fn drawn(shapes: &Shapes<'_>, predicted: Predicted<K>, anchors: &AnchorPairs, relaxed: bool) -> Result<Self> {
+        let rows: Vec<f64> = predicted.source.concat();
+        let reference = PhongSurface::<f64, K>::new(shapes.source.topology, &rows)?;
+        let vertices = NearestVertex::new(&reference);
+        let closest = ClosestOnSurface::new(&reference, &vertices);
+        let framed = |z: &Vector<f64, K>| framed(&reference, *z);
+        let mut z: Vec<Vector<f64, K>> = predicted.images.iter().map(framed).collect();
+        let mut starts = vec![NONE; z.len()];
+        let triangles = shapes.target.topology.triangles.clone();
+        if relaxed {
+            let pin = |(p, to): (&SurfacePoint, &Vector<f64, K>)| Pin {
+                v: triangles[p.face as usize],
+                x: p.barycentric,
+                to: framed(to),
+            };
+            let pins: Vec<Pin<K>> = anchors.target.iter().zip(&predicted.anchors).map(pin).collect();
+            starts = relax(&shapes.bending, &closest, &pins, &mut z)?;
+        }
+        let starts: Vec<u32> = (0..z.len())
             .into_par_iter()
-            .map(|v| {
-                image(&z[v]).filter(|_| used(v)).map_or(NONE, |c| {
-                    let k = SurfacePoint::new(c.face, c.x).dominant_corner();
-                    reference.triangles[c.face as usize].v[k]
-                })
-            })
+            .map(|v| closest.near(&z[v], starts[v]).filter(|_| shapes.used[v]).map_or(NONE, |c| closest.vertex(&c)))
             .collect();
-        let triangles = target.topology.triangles.clone();
-        let start_faces = triangles
-            .par_iter()
-            .map(|t| image(&combine(&[1.0 / 3.0; 3], t.map(|v| &z[v as usize]))).map_or(NONE, |c| c.face))
-            .collect();
-        let report = FieldReport { embedded: embedded.parts.clone(), spatial: spatial.parts.clone(), lambda, left_out };
+        let start_faces = triangles.par_iter().map(|t| start_face(&closest, &z, &starts, *t)).collect();
         let unit = reference.edge;
         Ok(Self {
             source: reference.cast(),
@@ -250,21 +239,71 @@ impl<S: Real, const K: usize> Field<S, K> {
             z: z.iter().map(cast).collect(),
             starts,
             start_faces,
-            drift,
+            drift: Vec::new(),
             unit,
             trust: Trust::default(),
-            report,
+            report: FieldReport::default(),
         })
     }
 
-    /// The closest point of the source to what is interpolated, and how far the projection is from it: a projection much farther than that leads astray.
+    /// A point of R^K in the frame and edges of the source there.
+    fn framed(&self, z: Vector<f64, K>) -> Vector<f64, K> {
+        framed(&self.reference, z)
+    }
+
+    /// Takes new images of the vertices that moved, and what begins there.
+    fn move_to(&mut self, z: &[Vector<f64, K>], moved: &[bool], triangles: &[u32]) {
+        let closest = ClosestOnSurface::new(&self.reference, &self.vertices);
+        let starts = &self.starts;
+        let starts: Vec<u32> = (0..z.len())
+            .into_par_iter()
+            .map(|v| {
+                if !moved[v] || starts[v] == NONE {
+                    return starts[v];
+                }
+                closest.near(&z[v], starts[v]).map_or(NONE, |c| closest.vertex(&c))
+            })
+            .collect();
+        let faces: Vec<u32> =
+            triangles.par_iter().map(|&t| start_face(&closest, z, &starts, self.triangles[t as usize])).collect();
+        triangles.iter().zip(faces).for_each(|(&t, face)| self.start_faces[t as usize] = face);
+        self.z = z.iter().map(cast).collect();
+        self.starts = starts;
+    }
+
+    /// Triangles of the target.
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
+    /// The source in R^K.
+    pub fn source(&self) -> &PhongSurface<S, K> {
+        &self.source
+    }
+
+    /// The image of each vertex of the target, in the frame of [`Self::source`].
+    pub fn images(&self) -> &[Vector<S, K>] {
+        &self.z
+    }
+
+    /// Where the search for the image of a point of a triangle of the target starts: three vertices of the source and a triangle.
+    pub fn starts_of(&self, face: u32) -> [u32; 4] {
+        let [a, b, c] = self.triangles[face as usize].map(|v| self.starts[v as usize]);
+        [a, b, c, self.start_faces[face as usize]]
+    }
+
+    /// Whether a projection needs no second look: it is no farther than any projection may be.
+    pub fn stays_near(&self, image: &Projection<S>) -> bool {
+        image.face != NONE && image.distance_squared.to_f64().sqrt() <= GUARD
+    }
+
+    /// The closest point of the source to what is interpolated, if the projection is much farther from it: then that leads astray.
     fn guarded(&self, z: &Vector<S, K>, image: Projection<S>) -> Projection<S> {
-        let distance = image.distance_squared.to_f64().sqrt();
-        if image.face != NONE && distance <= GUARD {
+        if self.stays_near(&image) {
             return image;
         }
         let Some(c) = ClosestOnSurface::new(&self.reference, &self.vertices).find(&cast(z)) else { return image };
-        let nearest = c.distance_squared.sqrt();
+        let (distance, nearest) = (image.distance_squared.to_f64().sqrt(), c.distance_squared.sqrt());
         if image.face != NONE && image.found != Found::Nothing && distance <= 1.5 * nearest + GUARD {
             return image;
         }
@@ -276,19 +315,27 @@ impl<S: Real, const K: usize> Field<S, K> {
         }
     }
 
-    fn map_point(&self, point: PackedPoint) -> PackedImage {
-        let corners = self.triangles[point.face as usize];
-        let x = point.unpack().barycentric.map(S::of);
-        let z = combine(&x, corners.map(|v| &self.z[v as usize]));
-        let starts = corners.map(|v| self.starts[v as usize]);
-        let image = self.source.project_near(&z, self.start_faces[point.face as usize], &starts);
-        let image = self.guarded(&z, image);
-        if image.face == NONE {
-            return PackedImage::NOWHERE;
-        }
+    /// The image in R^K of a point of the target.
+    pub fn interpolate(&self, point: PackedPoint) -> Vector<S, K> {
+        let x = [S::of(f64::from(point.b0)), S::of(f64::from(point.b1))];
+        let x = [x[0], x[1], S::ONE - x[0] - x[1]];
+        combine(&x, self.triangles[point.face as usize].map(|v| &self.z[v as usize]))
+    }
+
+    /// Maps one point.
+    pub fn map_point(&self, point: PackedPoint) -> PackedImage {
+        let z = self.interpolate(point);
+        let [a, b, c, face] = self.starts_of(point.face);
+        let image = self.guarded(&z, self.source.project_near(&z, face, &[a, b, c]));
+        if image.face == NONE { PackedImage::NOWHERE } else { self.judged(point, &image) }
+    }
+
+    /// The image of a point that was projected, with its confidence.
+    pub fn judged(&self, point: PackedPoint, image: &Projection<S>) -> PackedImage {
         let (confidence, status) = if self.drift.is_empty() {
             Trust::unchecked(image.found)
         } else {
+            let corners = self.triangles[point.face as usize];
             let drift = combine_scalars(point, corners.map(|v| self.drift[v as usize]));
             let residual = image.distance_squared.to_f64().sqrt() * self.unit;
             self.trust.judge(&Evidence { residual, drift, round_trip: None, found: image.found })
@@ -303,6 +350,22 @@ impl<S: Real, const K: usize> Field<S, K> {
     }
 }
 
+/// A point of R^K in the frame and edges of `surface`.
+fn framed<const K: usize>(surface: &PhongSurface<f64, K>, z: Vector<f64, K>) -> Vector<f64, K> {
+    std::array::from_fn(|k| (z[k] - surface.centre[k]) / surface.edge)
+}
+
+/// The triangle of the source where the middle of a triangle of the target goes.
+fn start_face<const K: usize>(
+    closest: &ClosestOnSurface<'_, K>,
+    z: &[Vector<f64, K>],
+    starts: &[u32],
+    t: [u32; 3],
+) -> u32 {
+    let middle = combine(&[1.0 / 3.0; 3], t.map(|v| &z[v as usize]));
+    closest.near(&middle, starts[t[0] as usize]).map_or(NONE, |c| c.face)
+}
+
 /// How much more anchors left out are made to count where there are few: four determine an affine map of space, and a mixture fits what so few say by chance.
 fn few(anchors: usize) -> f64 {
     if anchors > 4 { anchors as f64 / (anchors - 4) as f64 } else { f64::INFINITY }
@@ -310,11 +373,6 @@ fn few(anchors: usize) -> f64 {
 
 fn combine_scalars(point: PackedPoint, at: [f64; 3]) -> f64 {
     point.unpack().barycentric.iter().zip(at).map(|(x, d)| x * d).sum::<f64>().max(0.0)
-}
-
-fn usable_triangles(shape: &Shape<'_>) -> Vec<[u32; 3]> {
-    let t = shape.topology;
-    t.triangles.iter().zip(&t.usable).filter(|(_, u)| **u).map(|(t, _)| *t).collect()
 }
 
 impl<S: Real, const K: usize> PointMap for Field<S, K> {
@@ -329,112 +387,9 @@ impl<S: Real, const K: usize> PointMap for Field<S, K> {
     }
 
     fn field(&self) -> Option<&FieldReport> {
-        Some(&self.report)
+        (!self.report.left_out.is_empty()).then_some(&self.report)
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::geometry::Topology;
-    use crate::models::shapes::lobed_sphere;
-    use crate::surface::anchors::vertex_point;
-    use crate::surface::embedding::{Embedding, Seconds};
-
-    /// A mesh "embedded" by its own positions.
-    fn embedded(mesh: &Mesh) -> (Topology, Embedding) {
-        let points: Vec<f64> = mesh.positions.iter().flat_map(|p| [p.x, p.y, p.z, 0.0, 0.0, 0.0, 0.0, 0.0]).collect();
-        let embedding = Embedding {
-            dimension: 8,
-            points,
-            landmarks: Vec::new(),
-            stress: 0.0,
-            sweeps: 0,
-            seconds: Seconds::default(),
-            warnings: Vec::new(),
-        };
-        (Topology::new(mesh), embedding)
-    }
-
-    fn pairs(source: &Mesh, target: &Mesh, vertices: &[u32]) -> AnchorPairs {
-        let points = |mesh: &Mesh| {
-            let topology = Topology::new(mesh);
-            vertices.iter().map(|&v| vertex_point(mesh, &topology, v, "anchor").unwrap()).collect()
-        };
-        AnchorPairs { source: points(source), target: points(target) }
-    }
-
-    /// Distances between the images of all vertices and the source's vertices of the same number, over the source's size, and the statuses.
-    fn errors(source: &Mesh, target: &Mesh, vertices: &[u32], relax: bool) -> (Vec<f64>, Vec<PackedImage>) {
-        let ((st, se), (tt, te)) = (embedded(source), embedded(target));
-        let shape = |mesh, topology, embedding| Shape { mesh, topology, embedding: Some(embedding) };
-        let options = FieldOptions { relax, ..FieldOptions::default() };
-        let anchors = pairs(source, target, vertices);
-        let field =
-            Field::<f64, 12>::new::<8>(shape(source, &st, &se), shape(target, &tt, &te), &anchors, &options).unwrap();
-        let points: Vec<PackedPoint> =
-            (0..target.vertex_count() as u32).map(|v| tt.vertex_point(v).unwrap().into()).collect();
-        let mut images = Vec::new();
-        field.map(&points, &mut images).unwrap();
-        let unit = source.area().sqrt();
-        let off =
-            images.iter().zip(&source.positions).map(|(i, p)| i.point().unwrap().position(source).distance(*p) / unit);
-        (off.collect(), images)
-    }
-
-    fn most(e: &[f64]) -> f64 {
-        e.iter().copied().fold(0.0, f64::max)
-    }
-
-    #[test]
-    fn a_congruent_surface_is_met_exactly() {
-        let target = lobed_sphere(3, 0.3);
-        let mut source = target.clone();
-        source.positions.iter_mut().for_each(|p| *p = DVec3::new(-p.y, p.x, p.z) * 3.0 + 1.0);
-        let vertices: Vec<u32> = (0..target.vertex_count() as u32).step_by(29).collect();
-        for relax in [false, true] {
-            let (off, images) = errors(&source, &target, &vertices, relax);
-            assert!(most(&off) < 1e-5, "{}", most(&off));
-            assert!(images.iter().all(|i| i.status() == crate::surface::Status::Valid));
-        }
-        // A mirror image too.
-        source.positions.iter_mut().for_each(|p| p.x = -p.x);
-        assert!(most(&errors(&source, &target, &vertices, true).0) < 1e-5);
-        // The measure can fail: two anchors exchanged.
-        let mut wrong = vertices.clone();
-        wrong.swap(2, 9);
-        let (st, se) = embedded(&source);
-        let (tt, te) = embedded(&target);
-        let anchors = AnchorPairs {
-            source: pairs(&source, &target, &wrong).source,
-            target: pairs(&source, &target, &vertices).target,
-        };
-        let (s, t) = (
-            Shape { mesh: &source, topology: &st, embedding: Some(&se) },
-            Shape { mesh: &target, topology: &tt, embedding: Some(&te) },
-        );
-        let field = Field::<f64, 12>::new::<8>(s, t, &anchors, &FieldOptions::default()).unwrap();
-        assert!(most(&field.report.left_out) > 0.1);
-    }
-
-    #[test]
-    fn anchors_stay_where_they_are_put_and_few_give_a_result() {
-        let target = lobed_sphere(3, 0.3);
-        let mut source = target.clone();
-        source.positions.iter_mut().for_each(|p| *p *= 1.0 + 0.25 * (2.0 * p.x).sin());
-        let vertices: Vec<u32> = (0..target.vertex_count() as u32).step_by(29).collect();
-        let (off, _) = errors(&source, &target, &vertices, true);
-        for &v in &vertices {
-            assert!(off[v as usize] < 1e-5, "{v}: {}", off[v as usize]);
-        }
-        assert!(off.iter().sum::<f64>() / (off.len() as f64) < 0.03);
-        for count in 1..=5 {
-            let (off, images) = errors(&source, &target, &vertices[..count], true);
-            assert!(off.iter().all(|e| e.is_finite()), "{count}");
-            // Few anchors tell nothing of one another.
-            assert!(
-                count > 4 || images.iter().filter(|i| i.status() == crate::surface::Status::Valid).count() <= count
-            );
-        }
-    }
-}
+mod tests;

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use nalgebra::DMatrix;
+use rayon::prelude::*;
 
 use super::radial::Radial;
 use super::rigid::{Turn, rigid, rigid_in_space};
@@ -164,6 +165,7 @@ impl<const D: usize> Known<D> {
                     parts: one(name),
                     predict: Box::new(move |p: &Point<D>| rigid(&p.0.0, sides, &global, scale, None)),
                     left_out: (0..n)
+                        .into_par_iter()
                         .map(|i| sub(&rigid(&self.a[i], sides, &global, scale, Some(i)), &self.b[i]))
                         .collect(),
                 })
@@ -173,6 +175,7 @@ impl<const D: usize> Known<D> {
                 parts: one("residual transport"),
                 predict: Box::new(move |p: &Point<D>| predict(&p.0, known, Some(&(global, 1.0)))),
                 left_out: (0..n)
+                    .into_par_iter()
                     .map(|i| {
                         let without = |x: &[Vector<f64, D>]| [&x[..i], &x[i + 1..]].concat();
                         let (a, b) = (without(&self.a), without(&self.b));
@@ -229,6 +232,7 @@ impl<const D: usize> Known<D> {
                         array(rigid_in_space((&p.0.0, p.1), &self.a, sides, turn, None))
                     }),
                     left_out: (0..n)
+                        .into_par_iter()
                         .map(|i| {
                             let at = (&self.a[i], self.s[i]);
                             array(rigid_in_space(at, &self.a, sides, turn, Some(i)) - self.t[i])

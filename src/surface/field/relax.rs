@@ -3,13 +3,15 @@
 use faer::Mat;
 use rayon::prelude::*;
 
-use super::closest::ClosestOnSurface;
+use super::closest::{Closest, ClosestOnSurface};
 use crate::error::Result;
+use crate::geometry::NONE;
 use crate::geometry::bending::Bending;
+use crate::geometry::cholesky::SparseCholesky;
 use crate::surface::vector::{Vector, combine, sub};
 
-/// Stiffness of each step, in parts of the first one.
-const SCHEDULE: [f64; 16] = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.01, 0.01, 0.01, 0.01];
+/// Stiffnesses, in parts of the first one, and how many steps are made with each.
+const STAGES: [(f64, usize); 3] = [(1.0, 6), (0.1, 6), (0.01, 4)];
 /// The stiffness that keeps anchors, in mean masses of a vertex.
 const ANCHOR: f64 = 1e6;
 
@@ -24,47 +26,61 @@ pub(super) struct Pin<const K: usize> {
     pub(super) to: Vector<f64, K>,
 }
 
+/// The first stiffness for so many anchors: what bends between anchors at unit area.
+pub(super) fn stiffness(anchors: usize) -> f64 {
+    (0.3 / (anchors.max(1) as f64).sqrt()).powi(4)
+}
+
 /// Moves the images `z` of the target's vertices towards the source, all by displacements that are smooth over the target:
 /// `(M + eps L' M^-1 L + K) d = M (P - z) + K (to - z)`, P the closest points, K holding the pins, eps falling. `bending` is the target's at unit area.
 ///
-/// 16 steps with three factorisations; three numbers (1.5, 0.3 and the steps of eps) come from the study the method is taken from.
+/// Gives a vertex of the source near each image. 16 steps with three factorisations; three numbers (1.5, 0.3 and the steps of eps) come from the study the method is taken from. The closest points begin exactly and follow their
+/// point from then on.
 pub(super) fn relax<const K: usize>(
     bending: &Bending,
     source: &ClosestOnSurface<'_, K>,
     pins: &[Pin<K>],
     z: &mut [Vector<f64, K>],
-) -> Result<()> {
+) -> Result<Vec<u32>> {
     let n = z.len();
+    let mut near = vec![NONE; n];
     if n == 0 || pins.is_empty() {
-        return Ok(());
+        return Ok(near);
     }
-    let stiffest = (0.3 / (pins.len() as f64).sqrt()).powi(4);
+    let stiffest = stiffness(pins.len());
     let mean_mass = bending.mass.iter().sum::<f64>() / n as f64;
     let weight = ANCHOR * mean_mass;
     let ties: Vec<([u32; 3], [f64; 3])> = pins.iter().map(|p| (p.v, p.x)).collect();
-    let mut factor = None;
-    for (step, part) in SCHEDULE.iter().enumerate() {
-        if step == 0 || SCHEDULE[step - 1] != *part {
-            factor = Some(bending.factorise(stiffest * part, &ties, weight)?);
-        }
-        let Some(factor) = &factor else { break };
-        let pulls: Vec<Vector<f64, K>> =
-            z.par_iter().map(|z| source.find(z).map_or([0.0; K], |c| sub(&source.point(&c), z))).collect();
-        let mut right = Mat::from_fn(n, K, |v, k| bending.mass[v] * pulls[v][k]);
-        for pin in pins {
-            let here = combine(&pin.x, pin.v.map(|v| &z[v as usize]));
-            for (v, x) in pin.v.iter().zip(pin.x) {
+    let factors: Vec<SparseCholesky> =
+        STAGES.par_iter().map(|(part, _)| bending.factorise(stiffest * part, &ties, weight)).collect::<Result<_>>()?;
+    for (factor, (_, steps)) in factors.iter().zip(STAGES) {
+        for _ in 0..steps {
+            let closest: Vec<Option<Closest>> =
+                z.par_iter().zip(&near).map(|(z, &start)| source.near(z, start)).collect();
+            let mut right = Mat::zeros(n, K);
+            for (v, c) in closest.iter().enumerate() {
+                let Some(c) = c else { continue };
+                near[v] = source.vertex(c);
+                let pull = sub(&source.point(c), &z[v]);
                 for k in 0..K {
-                    right[(*v as usize, k)] += weight * x * (pin.to[k] - here[k]);
+                    right[(v, k)] = bending.mass[v] * pull[k];
+                }
+            }
+            for pin in pins {
+                let here = combine(&pin.x, pin.v.map(|v| &z[v as usize]));
+                for (v, x) in pin.v.iter().zip(pin.x) {
+                    for k in 0..K {
+                        right[(*v as usize, k)] += weight * x * (pin.to[k] - here[k]);
+                    }
+                }
+            }
+            factor.solve(&mut right)?;
+            for (v, z) in z.iter_mut().enumerate() {
+                for k in 0..K {
+                    z[k] += right[(v, k)];
                 }
             }
         }
-        factor.solve(&mut right)?;
-        for (v, z) in z.iter_mut().enumerate() {
-            for k in 0..K {
-                z[k] += right[(v, k)];
-            }
-        }
     }
-    Ok(())
+    Ok(near)
 }

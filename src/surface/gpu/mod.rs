@@ -1,20 +1,24 @@
-//! The correspondence on a device: host halves of the kernels of the main job, in R^8.
+//! The correspondence on a device: host halves of the kernels of the main job, in R^8 and, for fields, R^12.
 //!
 //! | kernel | what it does | reference |
 //! |---|---|---|
 //! | `average_anchors` | inverse problem and average | [`FusedWeights`](crate::surface::average::FusedWeights) |
+//! | `interpolate_field` | images of vertices, interpolated in R^12 | [`Field::interpolate`](crate::surface::field::Field::interpolate) |
 //! | `project_phong` | projection by walks over vertices and triangles | [`PhongSurface::project`](crate::surface::PhongSurface::project) |
 //! | `search_phong` | the first level of the search, for what the walks leave | the same |
 //!
-//! What all three leave, a few points in a thousand, goes through the references.
+//! What they leave, a few points in a thousand, goes through the references.
 
 mod average_anchors;
+mod averages;
+mod interpolate_field;
 mod map;
 mod project_phong;
 mod tables;
+mod tile;
 
 pub use average_anchors::{AverageParams, BLOCK_ANCHORS};
-pub use map::DeviceMap;
+pub use map::{DeviceMap, HostMap};
 pub use project_phong::{ProjectParams, Projected};
 pub use tables::SurfaceTables;
 
@@ -25,11 +29,18 @@ use crate::surface::anchors::AnchorPairs;
 use crate::surface::correspondence::{
     CorrespondenceOptions, Method, Precision, Shape, WeightedAverages, correspondence, dimension,
 };
+use crate::surface::field::Field;
 use crate::surface::packed::PointMap;
 
 /// The kernels of this folder.
-pub const KERNELS: &[&Kernel] =
-    &[&average_anchors::AVERAGE_ANCHORS, &project_phong::PROJECT_PHONG, &project_phong::SEARCH_PHONG];
+pub const KERNELS: &[&Kernel] = &[
+    &average_anchors::AVERAGE_ANCHORS,
+    &interpolate_field::INTERPOLATE_FIELD,
+    &project_phong::PROJECT_PHONG,
+    &project_phong::PROJECT_PHONG_12,
+    &project_phong::SEARCH_PHONG,
+    &project_phong::SEARCH_PHONG_12,
+];
 
 /// An embedding in fewer dimensions as one in 8: zeros change no distance.
 fn padded(shape: &Shape<'_>) -> Option<Embedding> {
@@ -60,19 +71,25 @@ pub fn correspondence_on(
     if engine.gpu().is_none() {
         return on_cpu(None);
     }
-    if !options.method.needs_embedding() || options.method == Method::Field {
+    if !options.method.needs_embedding() {
         return on_cpu(Some(format!("method {} runs on the CPU", options.method.name())));
     }
-    if let Some(why) = DeviceMap::obstacle(engine, dimension(&source, &target)?) {
+    let dimension = dimension(&source, &target)?;
+    let obstacle = match options.method {
+        Method::Field => DeviceMap::<Field<f32, 12>>::obstacle(engine, dimension),
+        _ => DeviceMap::<WeightedAverages<f32, 8>>::obstacle(engine, dimension),
+    };
+    if let Some(why) = obstacle {
         return on_cpu(Some(format!("the correspondence runs on the CPU: {why}")));
     }
     anchors.check((source.mesh, source.topology), (target.mesh, target.topology))?;
     let (padded_source, padded_target) = (padded(&source), padded(&target));
-    let map = WeightedAverages::new(
-        Shape { embedding: padded_source.as_ref().or(source.embedding), ..source },
-        Shape { embedding: padded_target.as_ref().or(target.embedding), ..target },
-        anchors,
-        &options,
-    )?;
-    Ok((Box::new(DeviceMap::new(engine, map)?), None))
+    let source = Shape { embedding: padded_source.as_ref().or(source.embedding), ..source };
+    let target = Shape { embedding: padded_target.as_ref().or(target.embedding), ..target };
+    if options.method == Method::Field {
+        let field = Field::new::<8>(source, target, anchors, &options.field())?;
+        return Ok((Box::new(DeviceMap::<Field<f32, 12>>::new(engine, field)?), None));
+    }
+    let map = WeightedAverages::new(source, target, anchors, &options)?;
+    Ok((Box::new(DeviceMap::<WeightedAverages<f32, 8>>::new(engine, map)?), None))
 }

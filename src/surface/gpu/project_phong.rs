@@ -2,12 +2,11 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::average_anchors::VECTORS;
 use super::tables::SurfaceTables;
 use crate::engine::{BindingKind, Capabilities, Kernel, Layout};
 use crate::error::Result;
 use crate::kernel_layout as layout;
-use crate::surface::project::SearchLimits;
+use crate::surface::project::{Found, Projection, SearchLimits};
 use crate::surface::psi::NEWTON_STEPS;
 
 /// Parameters of both kernels; twin of the struct in `shaders/lib/projection.wgsl`.
@@ -45,6 +44,17 @@ impl Projected {
     pub const LEFT: u32 = 3;
     /// The bits of `found` that tell how.
     pub const HOW: u32 = 3;
+    /// As the references give it; `None` if it was left to them.
+    pub(super) fn projection(&self) -> Option<Projection<f32>> {
+        let found = match self.found & Self::HOW {
+            1 => Found::Walk,
+            2 => Found::Search,
+            _ => return None,
+        };
+        let x = [self.b0, self.b1, 1.0 - self.b0 - self.b1];
+        Some(Projection { face: self.face, x, distance_squared: self.distance_squared, found })
+    }
+
     /// The word of an entry that holds `found`.
     pub(super) const FOUND_WORD: u32 = 4;
 }
@@ -57,54 +67,50 @@ const LAYOUTS: &[Layout] = &[
 ];
 const PARAMS: BindingKind = BindingKind::Uniform(size_of::<ProjectParams>() as u64);
 
-pub(super) static PROJECT_PHONG: Kernel = Kernel {
-    name: "project_phong",
-    source: include_str!("../../../shaders/project_phong.wgsl"),
-    bindings: &[
-        PARAMS,
-        BindingKind::Read,
-        BindingKind::Read,
-        BindingKind::Write,
-        BindingKind::Table,
-        BindingKind::Table,
-        BindingKind::Table,
-        BindingKind::Table,
-    ],
-    layouts: LAYOUTS,
-    items: 1,
-    constants: &[],
-};
+pub(super) static PROJECT_PHONG: Kernel =
+    project(concat!(include_str!("../../../shaders/project_phong.wgsl"), "//#import lib/vector8\n"));
+/// The same in R^12.
+pub(super) static PROJECT_PHONG_12: Kernel =
+    project(concat!(include_str!("../../../shaders/project_phong.wgsl"), "//#import lib/vector12\n"));
+pub(super) static SEARCH_PHONG: Kernel =
+    search(concat!(include_str!("../../../shaders/search_phong.wgsl"), "//#import lib/vector8\n"));
+/// The same in R^12.
+pub(super) static SEARCH_PHONG_12: Kernel =
+    search(concat!(include_str!("../../../shaders/search_phong.wgsl"), "//#import lib/vector12\n"));
 
-pub(super) static SEARCH_PHONG: Kernel = Kernel {
-    name: "search_phong",
-    source: include_str!("../../../shaders/search_phong.wgsl"),
-    bindings: &[
-        PARAMS,
-        BindingKind::Read,
-        BindingKind::Read,
-        BindingKind::Write,
-        BindingKind::Table,
-        BindingKind::Table,
-        BindingKind::Table,
-        BindingKind::Table,
-    ],
-    layouts: LAYOUTS,
-    items: 1,
-    constants: &[],
-};
+/// The two kernels for surfaces in R^D.
+pub(super) fn kernels<const D: usize>() -> [&'static Kernel; 2] {
+    const { assert!(D == 8 || D == 12) };
+    if D == 8 { [&PROJECT_PHONG, &SEARCH_PHONG] } else { [&PROJECT_PHONG_12, &SEARCH_PHONG_12] }
+}
+
+const fn project(source: &'static str) -> Kernel {
+    Kernel { name: "project_phong", source, bindings: BINDINGS, layouts: LAYOUTS, items: 1, constants: &[] }
+}
+
+const fn search(source: &'static str) -> Kernel {
+    Kernel { name: "search_phong", source, bindings: BINDINGS, layouts: LAYOUTS, items: 1, constants: &[] }
+}
+
+const BINDINGS: &[BindingKind] = &[
+    PARAMS,
+    BindingKind::Read,
+    BindingKind::Read,
+    BindingKind::Write,
+    BindingKind::Table,
+    BindingKind::Table,
+    BindingKind::Table,
+    BindingKind::Table,
+];
 
 impl ProjectParams {
-    /// The forward problem: the average onto the source, measured from the average.
-    pub(super) fn forward(capabilities: &Capabilities, source: &SurfaceTables) -> Result<Self> {
-        Self::new(capabilities, source, 0, 0)
-    }
-
-    /// The round trip: the average of the target's own anchors back onto the target, measured from the point itself.
-    pub(super) fn back(capabilities: &Capabilities, target: &SurfaceTables) -> Result<Self> {
-        Self::new(capabilities, target, 1, 2)
-    }
-
-    fn new(c: &Capabilities, surface: &SurfaceTables, point: u32, reference: u32) -> Result<Self> {
+    /// The projection of vector `point` of the `vectors` of each entry, in R^D, its distance measured from vector `reference`.
+    pub(super) fn new<const D: usize>(
+        c: &Capabilities,
+        surface: &SurfaceTables,
+        vectors: usize,
+        [point, reference]: [u32; 2],
+    ) -> Result<Self> {
         let limits = SearchLimits::FIRST;
         // Two walks over triangles, and the choice among three start vertices.
         let newton = 2 * u64::from(limits.triangle_steps) * (NEWTON_STEPS as u64 + 1) + 5;
@@ -113,10 +119,11 @@ impl ProjectParams {
         let vertex_steps = (u64::from(c.loop_budget) / 2 / most).min(u64::from(limits.vertex_steps));
         c.check_loops("project_phong", newton + vertex_steps * most)?;
         c.check_loops("search_phong", u64::from(surface.most_near) * (NEWTON_STEPS as u64 + 1))?;
+        let texels = (D / 4) as u32;
         Ok(Self {
-            stride: 2 * VECTORS as u32,
-            point: 2 * point,
-            reference: 2 * reference,
+            stride: texels * vectors as u32,
+            point: texels * point,
+            reference: texels * reference,
             vertex_steps: vertex_steps as u32,
             triangle_steps: limits.triangle_steps,
             unused0: 0,

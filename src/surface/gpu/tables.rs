@@ -8,29 +8,6 @@ use crate::geometry::NONE;
 use crate::surface::PhongSurface;
 use crate::surface::project::SearchLimits;
 
-/// Seven texels: point, the two rows of the tangent basis, and where its stops and its neighbourhood are.
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct VertexRecord {
-    rows: [[f32; 8]; 3],
-    first_stop: u32,
-    stops: u32,
-    /// First texel of its neighbourhood.
-    first_near: u32,
-    /// Triangles in it.
-    near: u32,
-}
-
-/// Seven texels: what rules out projections on a triangle at once.
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct BoundRecord {
-    rows: [[f32; 8]; 3],
-    reach: f32,
-    spread: f32,
-    unused: [f32; 2],
-}
-
 /// Five texels: vertices and signs of `G_k`, neighbours, cosine and sine of `G_k`.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -80,36 +57,32 @@ pub struct SurfaceTables {
 const MOST_NEAR: usize = 512;
 
 impl SurfaceTables {
-    /// Uploads a surface. O(F).
+    /// Uploads a surface of R^8 or R^12. O(F).
     ///
     /// # Errors
     /// If it does not fit the device.
-    pub fn new(gpu: &Gpu, label: &str, surface: &PhongSurface<f32, 8>) -> Result<Self> {
+    pub fn new<const D: usize>(gpu: &Gpu, label: &str, surface: &PhongSurface<f32, D>) -> Result<Self> {
         let mut stops = Vec::new();
         let mut near: Vec<u32> = Vec::new();
         let (mut most_stops, mut most_near) = (0, 0);
-        let vertices: Vec<VertexRecord> = surface
-            .vertices
-            .iter()
-            .zip(0..)
-            .map(|(vertex, v)| {
-                let first = stops.len();
-                around(surface, v, &mut stops);
-                let count = (stops.len() - first) as u32;
-                most_stops = most_stops.max(count);
-                let rows = [vertex.y, vertex.t[0], vertex.t[1]];
-                let first_near = near.len();
-                surface.neighbourhood(v, SearchLimits::FIRST.triangles, &mut near);
-                if near.len() - first_near > MOST_NEAR {
-                    near.truncate(first_near);
-                }
-                let triangles = (near.len() - first_near) as u32;
-                most_near = most_near.max(triangles);
-                near.resize(near.len().next_multiple_of(4), 0);
-                let first_near = (first_near / 4) as u32;
-                VertexRecord { rows, first_stop: first as u32, stops: count, first_near, near: triangles }
-            })
-            .collect();
+        // Of each vertex its point, the two rows of its tangent basis, and one texel: its first stop and their number, the first texel of its neighbourhood and the triangles in it.
+        let mut vertices = Vec::with_capacity(surface.vertices.len() * (3 * D / 4 + 1));
+        for (vertex, v) in surface.vertices.iter().zip(0..) {
+            let first = stops.len();
+            around(surface, v, &mut stops);
+            let count = (stops.len() - first) as u32;
+            most_stops = most_stops.max(count);
+            let first_near = near.len();
+            surface.neighbourhood(v, SearchLimits::FIRST.triangles, &mut near);
+            if near.len() - first_near > MOST_NEAR {
+                near.truncate(first_near);
+            }
+            let count_near = (near.len() - first_near) as u32;
+            most_near = most_near.max(count_near);
+            near.resize(near.len().next_multiple_of(4), 0);
+            append_rows(&[vertex.y, vertex.t[0], vertex.t[1]], &mut vertices);
+            vertices.push([first as u32, count, (first_near / 4) as u32, count_near]);
+        }
         let triangles: Vec<TriangleRecord> = surface
             .triangles
             .iter()
@@ -121,16 +94,12 @@ impl SurfaceTables {
                 gauge: t.gauge.map(|g| [g.c, g.s]),
             })
             .collect();
-        let bounds: Vec<BoundRecord> = surface
-            .bounds
-            .iter()
-            .map(|b| BoundRecord {
-                rows: [b.centre, b.basis[0], b.basis[1]],
-                reach: b.reach,
-                spread: b.spread,
-                unused: [0.0; 2],
-            })
-            .collect();
+        // What rules out projections on a triangle at once: centre, basis, and a texel with reach and spread.
+        let mut bounds = Vec::with_capacity(surface.bounds.len() * (3 * D / 4 + 1));
+        for b in &surface.bounds {
+            append_rows(&[b.centre, b.basis[0], b.basis[1]], &mut bounds);
+            bounds.push([b.reach.to_bits(), b.spread.to_bits(), 0, 0]);
+        }
         let near: &[[u32; 4]] = bytemuck::cast_slice(&near);
         Ok(Self {
             vertices: gpu.table(&format!("{label} vertices"), &vertices)?,
@@ -144,9 +113,17 @@ impl SurfaceTables {
     }
 }
 
+/// Appends vectors, a texel for four numbers.
+pub(super) fn append_rows<const D: usize>(rows: &[[f32; D]], texels: &mut Vec<[u32; 4]>) {
+    const { assert!(D.is_multiple_of(4)) };
+    for four in rows.iter().flat_map(|row| row.chunks_exact(4)) {
+        texels.push(std::array::from_fn(|k| four[k].to_bits()));
+    }
+}
+
 /// Appends the stops around `v`: its fan as chains of triangles, each beginning with a stop that closes no triangle. Every
 /// neighbour occurs, and every triangle of the fan once.
-fn around(surface: &PhongSurface<f32, 8>, v: u32, stops: &mut Vec<Stop>) {
+fn around<const D: usize>(surface: &PhongSurface<f32, D>, v: u32, stops: &mut Vec<Stop>) {
     // Of each triangle the two other vertices, in its orientation.
     let mut left: Vec<(u32, u32, u32)> = surface
         .fan(v)

@@ -1,0 +1,128 @@
+//! What a field between two surfaces needs whatever the anchors are.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::predict::Known;
+use super::{Field, FieldOptions};
+use crate::engine::Real;
+use crate::error::{Error, Result};
+use crate::geometry::SurfacePoint;
+use crate::geometry::bending::Bending;
+use crate::surface::PhongSurface;
+use crate::surface::anchors::AnchorPairs;
+use crate::surface::correspondence::Shape;
+use crate::surface::correspondence::drift::{Place, place};
+
+/// Two surfaces at unit area, and the bending energy of the target.
+#[derive(Debug)]
+pub(super) struct Shapes<'a> {
+    pub(super) source: Shape<'a>,
+    pub(super) target: Shape<'a>,
+    /// Square roots of the areas.
+    pub(super) source_length: f64,
+    pub(super) target_length: f64,
+    pub(super) bending: Bending,
+    /// For each vertex of the target whether a usable triangle has it.
+    pub(super) used: Vec<bool>,
+}
+
+impl<'a> Shapes<'a> {
+    pub(super) fn new(source: Shape<'a>, target: Shape<'a>) -> Result<Self> {
+        let used: Vec<bool> =
+            (0..target.mesh.vertex_count()).map(|v| !target.topology.vertex_triangles(v as u32).is_empty()).collect();
+        let (source_length, target_length) = (source.mesh.area().sqrt(), target.mesh.area().sqrt());
+        let at = |(p, used): (&DVec3, &bool)| if *used { *p / target_length } else { DVec3::ZERO };
+        let positions: Vec<DVec3> = target.mesh.positions.iter().zip(&used).map(at).collect();
+        let bending = Bending::new(&positions, &usable_triangles(&target))?;
+        Ok(Self { source, target, source_length, target_length, bending, used })
+    }
+
+    pub(super) fn source_position(&self, v: usize) -> DVec3 {
+        self.source.mesh.positions[v] / self.source_length
+    }
+
+    pub(super) fn target_position(&self, v: usize) -> DVec3 {
+        self.target.mesh.positions[v] / self.target_length
+    }
+
+    /// Positions of the anchors.
+    pub(super) fn on_source(&self, anchors: &AnchorPairs) -> Vec<DVec3> {
+        anchors.source.iter().map(|p| p.position(self.source.mesh) / self.source_length).collect()
+    }
+
+    pub(super) fn on_target(&self, anchors: &AnchorPairs) -> Vec<DVec3> {
+        anchors.target.iter().map(|p| p.position(self.target.mesh) / self.target_length).collect()
+    }
+}
+
+/// An embedding at unit area of its mesh.
+#[derive(Debug)]
+pub(super) struct Side<const D: usize> {
+    pub(super) surface: PhongSurface<f64, D>,
+    /// Edges of the embedding at unit area.
+    pub(super) edge: f64,
+}
+
+impl<const D: usize> Side<D> {
+    fn new(shape: &Shape<'_>) -> Result<Self> {
+        let Some(e) = shape.embedding.filter(|e| e.dimension == D) else {
+            return Err(Error::input("an embedding is missing", "Embed both meshes with the same --dimension"));
+        };
+        let surface = PhongSurface::<f64, D>::new(shape.topology, &e.points)?;
+        let edge = surface.edge / shape.mesh.area().sqrt();
+        Ok(Self { surface, edge })
+    }
+
+    pub(super) fn place(&self, p: &SurfacePoint) -> Place<D> {
+        let (y, basis) = place(&self.surface, p);
+        (y.map(|x| x * self.edge), basis)
+    }
+}
+
+/// Two surfaces embedded in R^D, made ready for fields: their tangents, and the bending energy of the target. An anchor that is moved, added or taken away leaves all of this as it is.
+#[derive(Debug)]
+pub struct FieldPair<'a, const D: usize> {
+    pub(super) shapes: Shapes<'a>,
+    pub(super) from: Side<D>,
+    pub(super) to: Side<D>,
+}
+
+impl<'a, const D: usize> FieldPair<'a, D> {
+    /// Prepares both surfaces. O(V + F), and the analysis of one sparse factorisation.
+    ///
+    /// # Errors
+    /// If an embedding is missing or not of dimension `D`, or there is not enough memory.
+    pub fn new(source: Shape<'a>, target: Shape<'a>) -> Result<Self> {
+        let (sides, shapes) = rayon::join(
+            || rayon::join(|| Side::<D>::new(&target), || Side::<D>::new(&source)),
+            || Shapes::new(source, target),
+        );
+        Ok(Self { from: sides.0?, to: sides.1?, shapes: shapes? })
+    }
+
+    /// The field through these anchors. `O(V n D^2)` for the prediction, three numerical factorisations and 16 rounds of closest points for the relaxation.
+    ///
+    /// # Errors
+    /// If there is no anchor, or the relaxation breaks down.
+    pub fn field<S: Real, const K: usize>(&self, anchors: &AnchorPairs, options: &FieldOptions) -> Result<Field<S, K>> {
+        Field::of(self, anchors, options)
+    }
+
+    /// What the anchors say.
+    pub(super) fn known(&self, anchors: &AnchorPairs) -> Known<D> {
+        let places: Vec<Place<D>> = anchors.target.par_iter().map(|p| self.from.place(p)).collect();
+        Known {
+            a: places.iter().map(|p| p.0).collect(),
+            places,
+            b: anchors.source.iter().map(|p| self.to.place(p).0).collect(),
+            s: self.shapes.on_target(anchors),
+            t: self.shapes.on_source(anchors),
+        }
+    }
+}
+
+fn usable_triangles(shape: &Shape<'_>) -> Vec<[u32; 3]> {
+    let t = shape.topology;
+    t.triangles.iter().zip(&t.usable).filter(|(_, u)| **u).map(|(t, _)| *t).collect()
+}
