@@ -26,8 +26,13 @@ impl<const D: usize> NearestVertex<D> {
     /// Indexes the used vertices of `surface`.
     pub fn new<S: Real>(surface: &PhongSurface<S, D>) -> Self {
         let vertices: Vec<u32> = (0..surface.vertices.len() as u32).filter(|&v| !surface.fan(v).is_empty()).collect();
-        let points: Vec<[f64; D]> =
-            vertices.iter().map(|&v| surface.vertices[v as usize].y.map(|x| x.to_f64())).collect();
+        let at = |v: u32| surface.vertices[v as usize].y.map(|x| x.to_f64());
+        Self::of_points(vertices, at)
+    }
+
+    /// Indexes these vertices by points that are `at` them.
+    pub(crate) fn of_points(vertices: Vec<u32>, at: impl Fn(u32) -> [f64; D]) -> Self {
+        let points: Vec<[f64; D]> = vertices.iter().map(|&v| at(v)).collect();
         Self { tree: ImmutableKdTree::new_from_slice(&points), vertices }
     }
 

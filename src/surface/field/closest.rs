@@ -1,44 +1,100 @@
-//! The closest point of a surface in R^K, by the vertices nearby.
+//! The closest point of a surface in R^K, by the vertices nearby; with normals as four more coordinates where they count.
 
 use crate::geometry::NONE;
 use crate::surface::project::SearchLimits;
 use crate::surface::vector::{Vector, combine, distance_squared, dot, sub};
 use crate::surface::{NearestVertex, PhongSurface};
 
+/// A weighted normal, the fourth component zero.
+pub(super) type Normal = Vector<f64, 4>;
+
+/// A point whose normal does not count.
+pub(super) const FLAT: Normal = [0.0; 4];
+
 /// A closest point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Closest {
     pub(super) face: u32,
     pub(super) x: [f64; 3],
+    /// Normals included.
     pub(super) distance_squared: f64,
 }
+
+/// A point of R^K and its normal.
+type Place<'a, const K: usize> = (&'a Vector<f64, K>, &'a Normal);
 
 /// Answers closest point queries on a surface in R^K.
 #[derive(Debug)]
 pub(super) struct ClosestOnSurface<'a, const K: usize> {
     surface: &'a PhongSurface<f64, K>,
     vertices: &'a NearestVertex<K>,
+    /// Of each vertex; empty where they do not count.
+    normals: &'a [Normal],
 }
 
 impl<'a, const K: usize> ClosestOnSurface<'a, K> {
     pub(super) fn new(surface: &'a PhongSurface<f64, K>, vertices: &'a NearestVertex<K>) -> Self {
-        Self { surface, vertices }
+        Self { surface, vertices, normals: &[] }
+    }
+
+    /// The same, with normals of the vertices.
+    pub(super) fn with_normals(&self, normals: &'a [Normal]) -> Self {
+        Self { normals, ..*self }
     }
 
     /// The closest point of the triangles around the nearest vertex, then around the corners of the triangle found, until none is closer; the lowest triangle on ties. A
     /// local minimum that begins at the exactly nearest vertex: where triangles are much larger than the distance to another part of the surface it may
     /// not be the global one. `None` for a point that is not finite.
     pub(super) fn find(&self, z: &Vector<f64, K>) -> Option<Closest> {
-        self.around(z, self.vertices.find(z))
+        self.near((z, &FLAT), NONE)
     }
 
-    /// The same from the vertex that a walk from `start` comes to, twenty times as fast: the closest point of the same part of the surface, for points that have moved little. An unknown
-    /// start (`NONE`) begins as [`Self::find`] does.
-    pub(super) fn near(&self, z: &Vector<f64, K>, start: u32) -> Option<Closest> {
-        if start == NONE || !z.iter().all(|x| x.is_finite()) {
-            return self.find(z);
+    /// The same from the vertex that a walk from `start` comes to, several times as fast: the closest point of the same part of the surface, for points that have moved little. An unknown
+    /// start (`NONE`) is the nearest vertex, normals aside.
+    pub(super) fn near(&self, place: Place<'_, K>, start: u32) -> Option<Closest> {
+        if !place.0.iter().chain(place.1).all(|x| x.is_finite()) {
+            return None;
         }
-        self.around(z, self.surface.walk_vertices(z, start, SearchLimits::FIRST.vertex_steps))
+        let start = if start == NONE { self.vertices.find(place.0) } else { start };
+        self.around(place, self.walk(place, start))
+    }
+
+    /// An index of the vertices by place in space and normal: the nearest of them may lie on another part of the surface than the nearest in R^K.
+    pub(super) fn facing(&self) -> NearestVertex<8> {
+        let used = (0..self.surface.vertices.len() as u32).filter(|&v| !self.surface.fan(v).is_empty()).collect();
+        NearestVertex::of_points(used, |v| facing(&self.surface.vertices[v as usize].y, self.normal(v)))
+    }
+
+    /// The closer of what is [`Self::near`] the vertex `start` and near the one that `index` gives.
+    pub(super) fn near_or_facing(&self, place: Place<'_, K>, start: u32, index: &NearestVertex<8>) -> Option<Closest> {
+        let (a, b) = (self.near(place, start)?, self.near(place, index.find(&facing(place.0, place.1)))?);
+        Some(if (b.distance_squared, b.face) < (a.distance_squared, a.face) { b } else { a })
+    }
+
+    /// The closest point of the triangle `face`, or of those that come closer when its border is crossed: a tenth of the work again, for points that follow the one found last.
+    pub(super) fn follow(&self, place: Place<'_, K>, face: u32) -> Option<Closest> {
+        let mut best = self.on_triangle(place, face);
+        if !best.distance_squared.is_finite() {
+            return None;
+        }
+        loop {
+            let triangle = &self.surface.triangles[best.face as usize];
+            let outside = best.x.map(|x| x <= 0.0);
+            let closer = match outside.iter().filter(|o| **o).count() {
+                0 => None,
+                1 => {
+                    let k = outside.iter().position(|o| *o).unwrap_or(0);
+                    let t = triangle.neighbours[k];
+                    (t != NONE).then(|| self.on_triangle(place, t))
+                }
+                // Two coordinates vanish: the corner of the third.
+                _ => self.closer(place, triangle.v[outside.iter().position(|o| !*o).unwrap_or(0)], None),
+            };
+            match closer {
+                Some(c) if (c.distance_squared, c.face) < (best.distance_squared, best.face) => best = c,
+                _ => return Some(best),
+            }
+        }
     }
 
     /// A vertex near a point that was found, to start from when it has moved.
@@ -48,15 +104,52 @@ impl<'a, const K: usize> ClosestOnSurface<'a, K> {
         self.surface.triangles[c.face as usize].v[k]
     }
 
-    fn around(&self, z: &Vector<f64, K>, v: u32) -> Option<Closest> {
+    /// The place of a point that was found.
+    pub(super) fn point(&self, c: &Closest) -> Vector<f64, K> {
+        combine(&c.x, self.surface.triangles[c.face as usize].v.map(|v| &self.surface.vertices[v as usize].y))
+    }
+
+    fn normal(&self, v: u32) -> &Normal {
+        self.normals.get(v as usize).unwrap_or(&FLAT)
+    }
+
+    /// Greedy walk over edges to a vertex no farther than its neighbours, the lowest on ties.
+    fn walk(&self, (z, n): Place<'_, K>, start: u32) -> u32 {
+        if start == NONE || self.normals.is_empty() {
+            return if start == NONE {
+                NONE
+            } else {
+                self.surface.walk_vertices(z, start, SearchLimits::FIRST.vertex_steps)
+            };
+        }
+        let distance =
+            |v: u32| distance_squared(&self.surface.vertices[v as usize].y, z) + distance_squared(self.normal(v), n);
+        let mut v = start;
+        let mut least = distance(v);
+        loop {
+            let mut next = v;
+            for &w in self.surface.ring(v) {
+                let d = distance(w);
+                if d < least {
+                    (least, next) = (d, w);
+                }
+            }
+            if next == v {
+                return v;
+            }
+            v = next;
+        }
+    }
+
+    fn around(&self, place: Place<'_, K>, v: u32) -> Option<Closest> {
         if v == NONE {
             return None;
         }
-        let mut best = self.closer(z, v, None);
+        let mut best = self.closer(place, v, None);
         loop {
             let found = best?;
             for v in self.surface.triangles[found.face as usize].v {
-                best = self.closer(z, v, best);
+                best = self.closer(place, v, best);
             }
             if best == Some(found) {
                 return best;
@@ -65,49 +158,63 @@ impl<'a, const K: usize> ClosestOnSurface<'a, K> {
     }
 
     /// The closest of `best` and the points of the triangles around `v`.
-    fn closer(&self, z: &Vector<f64, K>, v: u32, best: Option<Closest>) -> Option<Closest> {
+    fn closer(&self, place: Place<'_, K>, v: u32, best: Option<Closest>) -> Option<Closest> {
         self.surface
             .fan(v)
             .iter()
-            .map(|&t| self.on_triangle(z, t))
+            .map(|&t| self.on_triangle(place, t))
             .chain(best)
             .reduce(|b, c| if (c.distance_squared, c.face) < (b.distance_squared, b.face) { c } else { b })
     }
 
-    /// The place of a point that was found.
-    pub(super) fn point(&self, c: &Closest) -> Vector<f64, K> {
-        combine(&c.x, self.surface.triangles[c.face as usize].v.map(|v| &self.surface.vertices[v as usize].y))
-    }
-
-    fn on_triangle(&self, z: &Vector<f64, K>, face: u32) -> Closest {
-        let corners = self.surface.triangles[face as usize].v.map(|v| &self.surface.vertices[v as usize].y);
-        let x = closest_barycentric(z, corners);
-        let p = combine(&x, corners);
-        Closest { face, x, distance_squared: distance_squared(&p, z) }
+    fn on_triangle(&self, (z, n): Place<'_, K>, face: u32) -> Closest {
+        let v = self.surface.triangles[face as usize].v;
+        let corners = v.map(|v| &self.surface.vertices[v as usize].y);
+        if self.normals.is_empty() {
+            let edges = [sub(corners[1], corners[0]), sub(corners[2], corners[0]), sub(z, corners[0])];
+            return closest(face, gram(&edges));
+        }
+        let normals = v.map(|v| self.normal(v));
+        let edges = [sub(corners[1], corners[0]), sub(corners[2], corners[0]), sub(z, corners[0])];
+        let turns = [sub(normals[1], normals[0]), sub(normals[2], normals[0]), sub(n, normals[0])];
+        let (a, b) = (gram(&edges), gram(&turns));
+        closest(face, std::array::from_fn(|k| a[k] + b[k]))
     }
 }
 
-/// Barycentric coordinates of the point of a triangle closest to `z`: inside by the Gram matrix of its edges, else the best of its three sides.
-fn closest_barycentric<const K: usize>(z: &Vector<f64, K>, [a, b, c]: [&Vector<f64, K>; 3]) -> [f64; 3] {
-    let (ab, ac, az) = (sub(b, a), sub(c, a), sub(z, a));
-    let (bb, bc, cc) = (dot(&ab, &ab), dot(&ab, &ac), dot(&ac, &ac));
-    let (db, dc) = (dot(&ab, &az), dot(&ac, &az));
+/// The part of a place that lies in space, and the normal.
+fn facing<const K: usize>(z: &Vector<f64, K>, n: &Normal) -> [f64; 8] {
+    const { assert!(K >= 4) };
+    [z[K - 4], z[K - 3], z[K - 2], n[0], n[1], n[2], 0.0, 0.0]
+}
+
+/// Scalar products of three vectors: 00, 01, 11, 02, 12, 22.
+fn gram<const K: usize>([a, b, c]: &[Vector<f64, K>; 3]) -> [f64; 6] {
+    [dot(a, a), dot(a, b), dot(b, b), dot(a, c), dot(b, c), dot(c, c)]
+}
+
+/// The point of a triangle closest to another, from the scalar products of its edges and of the way there from its first corner: inside, else the best of its three sides.
+fn closest(face: u32, [bb, bc, cc, db, dc, dd]: [f64; 6]) -> Closest {
+    // |p - z|^2 at barycentric coordinates (1 - v - w, v, w).
+    let squared = |v: f64, w: f64| (dd + v * (v * bb + 2.0 * w * bc - 2.0 * db) + w * (w * cc - 2.0 * dc)).max(0.0);
     let determinant = bb * cc - bc * bc;
     if determinant > 1e-20 * bb * cc {
         let (v, w) = ((cc * db - bc * dc) / determinant, (bb * dc - bc * db) / determinant);
         if v >= 0.0 && w >= 0.0 && v + w <= 1.0 {
-            return [1.0 - v - w, v, w];
+            return Closest { face, x: [1.0 - v - w, v, w], distance_squared: squared(v, w) };
         }
     }
-    let side = |p: &Vector<f64, K>, q: &Vector<f64, K>| {
-        let e = sub(q, p);
-        let length = dot(&e, &e);
-        if length > 0.0 { (dot(&sub(z, p), &e) / length).clamp(0.0, 1.0) } else { 0.0 }
-    };
-    let (u, v, w) = (side(a, b), side(b, c), side(c, a));
-    let candidates = [[1.0 - u, u, 0.0], [0.0, 1.0 - v, v], [w, 0.0, 1.0 - w]];
-    let distance = |x: &[f64; 3]| distance_squared(&combine(x, [a, b, c]), z);
-    candidates.into_iter().reduce(|x, y| if distance(&y) < distance(&x) { y } else { x }).unwrap_or([1.0, 0.0, 0.0])
+    let along = |way: f64, length: f64| if length > 0.0 { (way / length).clamp(0.0, 1.0) } else { 0.0 };
+    let (v, w) = (along(db, bb), along(dc, cc));
+    // From the second corner to the third.
+    let u = along(dc - db - bc + bb, bb - 2.0 * bc + cc);
+    let candidates = [
+        ([1.0 - v, v, 0.0], squared(v, 0.0)),
+        ([0.0, 1.0 - u, u], squared(1.0 - u, u)),
+        ([1.0 - w, 0.0, w], squared(0.0, w)),
+    ];
+    let (x, distance_squared) = candidates.into_iter().fold(candidates[0], |a, b| if b.1 < a.1 { b } else { a });
+    Closest { face, x, distance_squared }
 }
 
 #[cfg(test)]
@@ -137,9 +244,43 @@ mod tests {
             let (found, wanted) = (here.find(&z).unwrap(), truth.nearest(p).unwrap());
             assert!((found.distance_squared.sqrt() * surface.edge - wanted.1).abs() < 1e-9);
             // A walk comes to the same from nearby.
-            assert_eq!(here.near(&z, here.vertex(&found)), Some(found));
-            assert_eq!(here.near(&z, NONE), Some(found));
+            assert_eq!(here.near((&z, &FLAT), here.vertex(&found)), Some(found));
+            assert_eq!(here.near((&z, &FLAT), NONE), Some(found));
+            // So does crossing borders, from any triangle around it.
+            for &t in surface.fan(here.vertex(&found)) {
+                let again = here.follow((&z, &FLAT), t).unwrap();
+                assert!((again.distance_squared - found.distance_squared).abs() < 1e-12);
+            }
         }
-        assert!(here.find(&[f64::NAN; 4]).is_none());
+        assert!(here.find(&[f64::NAN; 4]).is_none() && here.follow((&[f64::NAN; 4], &FLAT), 0).is_none());
+    }
+
+    #[test]
+    fn with_normals_it_is_the_closest_point_in_more_dimensions() {
+        let mesh = lobed_sphere(3, 0.3);
+        let topology = Topology::new(&mesh);
+        let points: Vec<f64> = mesh.positions.iter().flat_map(|p| [p.x, p.y, p.z, 0.0]).collect();
+        let surface = PhongSurface::<f64, 4>::new(&topology, &points).unwrap();
+        let vertices = NearestVertex::new(&surface);
+        let normals: Vec<Normal> = crate::surface::quality::vertex_normals(&mesh, &topology)
+            .into_iter()
+            .map(|n| [2.0 * n.x, 2.0 * n.y, 2.0 * n.z, 0.0])
+            .collect();
+        let here = ClosestOnSurface::new(&surface, &vertices).with_normals(&normals);
+        let mut elsewhere = 0;
+        for v in (0..mesh.vertex_count() as u32).step_by(7) {
+            // A point a third of an edge off, with the normal of a vertex two edges on.
+            let mut z = surface.vertices[v as usize].y;
+            z[(v % 3) as usize] += 0.3;
+            let beyond = surface.ring(surface.ring(v)[0])[0];
+            let place = (&z, &normals[beyond as usize]);
+            let found = here.near(place, v).unwrap();
+            let all = (0..surface.triangles.len() as u32).map(|t| here.on_triangle(place, t).distance_squared);
+            let least = all.fold(f64::INFINITY, f64::min);
+            assert!(found.distance_squared <= least + 1e-9, "{v}: {} {least}", found.distance_squared);
+            assert_eq!(here.follow(place, found.face), Some(found));
+            elsewhere += usize::from(here.find(&z).unwrap().face != found.face);
+        }
+        assert!(elsewhere > 10, "normals count: {elsewhere}");
     }
 }

@@ -10,6 +10,7 @@ mod pair;
 mod predict;
 mod radial;
 mod relax;
+mod relief;
 mod rigid;
 mod session;
 
@@ -20,9 +21,10 @@ pub use self::pair::FieldPair;
 use self::pair::Shapes;
 pub use self::session::{Edit, FieldSession};
 
-use self::closest::ClosestOnSurface;
+use self::closest::{ClosestOnSurface, FLAT};
 use self::predict::Point;
 use self::relax::{Pin, relax, stiffness};
+use self::relief::Relief;
 use crate::engine::Real;
 use crate::error::{Error, Result};
 use crate::geometry::{NONE, SurfacePoint};
@@ -71,7 +73,7 @@ pub struct FieldReport {
     pub left_out: Vec<f64>,
 }
 
-/// The map from the target to the source by a field in R^K over an embedding in R^D, `K >= D + 3`.
+/// The map from the target to the source by a field in R^K over an embedding in R^D, `K = D + 4`.
 #[derive(Debug)]
 pub struct Field<S: Real, const K: usize> {
     /// The source in R^K.
@@ -88,6 +90,8 @@ pub struct Field<S: Real, const K: usize> {
     start_faces: Vec<u32>,
     /// For each vertex of the target the error to be expected; empty without evidence.
     drift: Vec<f64>,
+    /// What the relaxation compared beside places; none without it.
+    relief: Option<Relief>,
     /// Mean edge of the source in R^K over the square root of its area.
     unit: f64,
     trust: Trust,
@@ -115,6 +119,8 @@ struct Predicted<const K: usize> {
     images: Vec<Vector<f64, K>>,
     /// The image of each anchor.
     anchors: Vec<Vector<f64, K>>,
+    /// What a unit of length in space is there.
+    unit: f64,
 }
 
 impl<S: Real> Field<S, 4> {
@@ -135,6 +141,7 @@ impl<S: Real> Field<S, 4> {
                 .map(|v| if shapes.used[v] { place(warp.apply(shapes.target_position(v))) } else { [0.0; 4] })
                 .collect(),
             anchors: to.into_iter().map(place).collect(),
+            unit: 1.0,
         };
         Self::drawn(&shapes, predicted, anchors, true)
     }
@@ -155,7 +162,8 @@ impl<S: Real, const K: usize> Field<S, K> {
     }
 
     fn of<const D: usize>(pair: &FieldPair<'_, D>, anchors: &AnchorPairs, options: &FieldOptions) -> Result<Self> {
-        const { assert!(K >= D + 3) };
+        // The place in space comes after the embedding, and one zero.
+        const { assert!(K == D + 4) };
         let FieldPair { shapes, from, to } = pair;
         let known = pair.known(anchors);
         let (Some(embedded), Some(spatial)) = (known.embedded(), known.spatial()) else {
@@ -181,6 +189,7 @@ impl<S: Real, const K: usize> Field<S, K> {
                 .map(|v| if shapes.used[v] { image(v) } else { [0.0; K] })
                 .collect(),
             anchors: known.b.iter().zip(&known.t).map(|(b, t)| joined(b, lambda, t.to_array())).collect(),
+            unit: lambda,
         };
         let mut field = Self::drawn(shapes, predicted, anchors, options.relax)?;
 
@@ -214,7 +223,7 @@ impl<S: Real, const K: usize> Field<S, K> {
         let closest = ClosestOnSurface::new(&reference, &vertices);
         let framed = |z: &Vector<f64, K>| framed(&reference, *z);
         let mut z: Vec<Vector<f64, K>> = predicted.images.iter().map(framed).collect();
-        let mut starts = vec![NONE; z.len()];
+        let (mut starts, mut relief) = (vec![NONE; z.len()], None);
         let triangles = shapes.target.topology.triangles.clone();
         if relaxed {
             let pin = |(p, to): (&SurfacePoint, &Vector<f64, K>)| Pin {
@@ -223,11 +232,18 @@ impl<S: Real, const K: usize> Field<S, K> {
                 to: framed(to),
             };
             let pins: Vec<Pin<K>> = anchors.target.iter().zip(&predicted.anchors).map(pin).collect();
-            starts = relax(&shapes.bending, &closest, &pins, &mut z)?;
+            let own = &shapes.source.topology.triangles;
+            let unit = predicted.unit / reference.edge;
+            let begun = Relief::new(&shapes.source.mesh.positions, own, pins.len(), unit);
+            let relaxed = relax(&shapes.bending, &closest, begun, [&triangles, own], &pins, &mut z)?;
+            starts = relaxed.0;
+            relief = Some(relaxed.1);
         }
         let starts: Vec<u32> = (0..z.len())
             .into_par_iter()
-            .map(|v| closest.near(&z[v], starts[v]).filter(|_| shapes.used[v]).map_or(NONE, |c| closest.vertex(&c)))
+            .map(|v| {
+                closest.near((&z[v], &FLAT), starts[v]).filter(|_| shapes.used[v]).map_or(NONE, |c| closest.vertex(&c))
+            })
             .collect();
         let start_faces = triangles.par_iter().map(|t| start_face(&closest, &z, &starts, *t)).collect();
         let unit = reference.edge;
@@ -240,6 +256,7 @@ impl<S: Real, const K: usize> Field<S, K> {
             starts,
             start_faces,
             drift: Vec::new(),
+            relief,
             unit,
             trust: Trust::default(),
             report: FieldReport::default(),
@@ -261,7 +278,7 @@ impl<S: Real, const K: usize> Field<S, K> {
                 if !moved[v] || starts[v] == NONE {
                     return starts[v];
                 }
-                closest.near(&z[v], starts[v]).map_or(NONE, |c| closest.vertex(&c))
+                closest.near((&z[v], &FLAT), starts[v]).map_or(NONE, |c| closest.vertex(&c))
             })
             .collect();
         let faces: Vec<u32> =
@@ -363,7 +380,7 @@ fn start_face<const K: usize>(
     t: [u32; 3],
 ) -> u32 {
     let middle = combine(&[1.0 / 3.0; 3], t.map(|v| &z[v as usize]));
-    closest.near(&middle, starts[t[0] as usize]).map_or(NONE, |c| c.face)
+    closest.near((&middle, &FLAT), starts[t[0] as usize]).map_or(NONE, |c| c.face)
 }
 
 /// How much more anchors left out are made to count where there are few: four determine an affine map of space, and a mixture fits what so few say by chance.

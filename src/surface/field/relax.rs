@@ -3,7 +3,8 @@
 use faer::Mat;
 use rayon::prelude::*;
 
-use super::closest::{Closest, ClosestOnSurface};
+use super::closest::{Closest, ClosestOnSurface, FLAT};
+use super::relief::Relief;
 use crate::error::Result;
 use crate::geometry::NONE;
 use crate::geometry::bending::Bending;
@@ -32,20 +33,23 @@ pub(super) fn stiffness(anchors: usize) -> f64 {
 }
 
 /// Moves the images `z` of the target's vertices towards the source, all by displacements that are smooth over the target:
-/// `(M + eps L' M^-1 L + K) d = M (P - z) + K (to - z)`, P the closest points, K holding the pins, eps falling. `bending` is the target's at unit area.
+/// `(M + eps L' M^-1 L + K) d = M (P - z) + K (to - z)`, P the closest points, K holding the pins, eps falling. `bending` is the target's at unit area, `triangles` are its own and the
+/// source's.
 ///
-/// Gives a vertex of the source near each image. 16 steps with three factorisations; three numbers (1.5, 0.3 and the steps of eps) come from the study the method is taken from. The closest points begin exactly and follow their
-/// point from then on.
+/// Gives a vertex of the source near each image. 16 steps with three factorisations; two numbers (0.3 and the steps of eps) come from the study the method is taken from. The closest points, with
+/// normals ([`Relief`]), begin exactly and follow their point from then on; at each stiffness they are looked for once more.
 pub(super) fn relax<const K: usize>(
     bending: &Bending,
     source: &ClosestOnSurface<'_, K>,
+    mut relief: Relief,
+    [target_triangles, source_triangles]: [&[[u32; 3]]; 2],
     pins: &[Pin<K>],
     z: &mut [Vector<f64, K>],
-) -> Result<Vec<u32>> {
+) -> Result<(Vec<u32>, Relief)> {
     let n = z.len();
     let mut near = vec![NONE; n];
     if n == 0 || pins.is_empty() {
-        return Ok(near);
+        return Ok((near, relief));
     }
     let stiffest = stiffness(pins.len());
     let mean_mass = bending.mass.iter().sum::<f64>() / n as f64;
@@ -53,14 +57,26 @@ pub(super) fn relax<const K: usize>(
     let ties: Vec<([u32; 3], [f64; 3])> = pins.iter().map(|p| (p.v, p.x)).collect();
     let factors: Vec<SparseCholesky> =
         STAGES.par_iter().map(|(part, _)| bending.factorise(stiffest * part, &ties, weight)).collect::<Result<_>>()?;
+    let mut closest: Vec<Option<Closest>> = z.par_iter().map(|z| source.near((z, &FLAT), NONE)).collect();
+    relief.orient(&relief.of(z, target_triangles), &closest, source_triangles);
+    let source = source.with_normals(&relief.source);
+    let facing = source.facing();
     for (factor, (_, steps)) in factors.iter().zip(STAGES) {
-        for _ in 0..steps {
-            let closest: Vec<Option<Closest>> =
-                z.par_iter().zip(&near).map(|(z, &start)| source.near(z, start)).collect();
+        for (v, c) in closest.iter().enumerate() {
+            near[v] = c.map_or(NONE, |c| source.vertex(&c));
+        }
+        for step in 0..steps {
+            let normals = relief.of(z, target_triangles);
+            closest = (0..n)
+                .into_par_iter()
+                .map(|v| match closest[v] {
+                    Some(c) if step > 0 => source.follow((&z[v], &normals[v]), c.face),
+                    _ => source.near_or_facing((&z[v], &normals[v]), near[v], &facing),
+                })
+                .collect();
             let mut right = Mat::zeros(n, K);
             for (v, c) in closest.iter().enumerate() {
                 let Some(c) = c else { continue };
-                near[v] = source.vertex(c);
                 let pull = sub(&source.point(c), &z[v]);
                 for k in 0..K {
                     right[(v, k)] = bending.mass[v] * pull[k];
@@ -82,5 +98,8 @@ pub(super) fn relax<const K: usize>(
             }
         }
     }
-    Ok(near)
+    for (v, c) in closest.iter().enumerate() {
+        near[v] = c.map_or(NONE, |c| source.vertex(&c));
+    }
+    Ok((near, relief))
 }

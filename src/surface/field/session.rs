@@ -4,7 +4,7 @@ use faer::Mat;
 use nalgebra::{Cholesky, DMatrix, Dyn};
 use rayon::prelude::*;
 
-use super::closest::ClosestOnSurface;
+use super::closest::{ClosestOnSurface, FLAT};
 use super::{Field, FieldOptions, FieldPair, joined, stiffness};
 use crate::engine::Real;
 use crate::error::{Error, Result};
@@ -170,13 +170,17 @@ impl<'a, S: Real, const D: usize, const K: usize> FieldSession<'a, S, D, K> {
                 .collect()
         };
         let first = smooth(&Mat::zeros(z.len(), K));
-        let pulls: Vec<Vector<f64, K>> = (0..z.len())
-            .into_par_iter()
-            .map(|v| {
-                let here = add_scaled(&z[v], 1.0, &first[v]);
-                closest.near(&here, field.starts[v]).map_or([0.0; K], |c| sub(&closest.point(&c), &here))
-            })
-            .collect();
+        let here: Vec<Vector<f64, K>> = z.iter().zip(&first).map(|(z, d)| add_scaled(z, 1.0, d)).collect();
+        let normals = field.relief.as_ref().map(|r| r.of(&here, &field.triangles));
+        let closest = match &field.relief {
+            Some(relief) => closest.with_normals(&relief.source),
+            None => closest,
+        };
+        let pull = |v: usize| {
+            let normal = normals.as_ref().map_or(&FLAT, |n| &n[v]);
+            closest.near((&here[v], normal), field.starts[v]).map_or([0.0; K], |c| sub(&closest.point(&c), &here[v]))
+        };
+        let pulls: Vec<Vector<f64, K>> = (0..z.len()).into_par_iter().map(pull).collect();
         let mut free = Mat::from_fn(z.len(), K, |v, k| pair.shapes.bending.mass[v] * (first[v][k] + pulls[v][k]));
         self.factor.solve(&mut free)?;
         let moves = smooth(&free);
