@@ -2,6 +2,7 @@
 pub mod animate;
 pub mod cover;
 pub mod deform;
+pub mod inverse_map;
 pub mod morph;
 pub mod render;
 pub mod stopwatch;

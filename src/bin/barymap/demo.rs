@@ -25,7 +25,7 @@ pub(crate) struct Arguments {
     #[arg(long, default_value_t = 93)]
     anchors: usize,
     /// How points are carried
-    #[arg(long, value_enum, default_value = "transport")]
+    #[arg(long, value_enum, default_value = "field")]
     method: MethodName,
     /// Side of the texture
     #[arg(long, default_value_t = 2048)]

@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use barymap::Result;
 use barymap::geometry::SurfacePoint;
 use barymap::io::points::MapRow;
-use barymap::surface::PackedPoint;
+use barymap::surface::quality::{ErrorSummary, summarise};
+use barymap::surface::{AnchorPairs, PackedImage, PackedPoint};
+use barymap::tools::inverse_map::{PreImage, cycle, inverse_map};
 use barymap::tools::vertex_map::vertex_map;
 use serde_json::json;
 
@@ -30,8 +32,14 @@ pub(crate) struct Arguments {
     #[arg(long)]
     points: Option<PathBuf>,
     /// How points are carried
-    #[arg(long, value_enum, default_value = "transport")]
+    #[arg(long, value_enum, default_value = "field")]
     method: MethodName,
+    /// The inverse: for every vertex of the source the point of the target that goes there; its own residual counts against it
+    #[arg(long, conflicts_with = "points")]
+    inverse: bool,
+    /// Make the map from the source to the target too, and report how far points come back from where they were
+    #[arg(long)]
+    cycle: bool,
     #[command(flatten)]
     embedding: EmbeddingArguments,
 }
@@ -45,7 +53,18 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let points = arguments.points.as_ref().map(|p| barymap::io::points::read_points(p, &target.mesh)).transpose()?;
     let map = prepare(&mut session, &mut source, &mut target, &anchors, method, &arguments.embedding)?;
     let vertices = vertex_map((&source.mesh, &source.topology), (&target.mesh, &target.topology), map.as_ref())?;
+    let mut residuals = None;
     let images = match &points {
+        None if arguments.inverse => {
+            let points: Vec<Option<SurfacePoint>> =
+                (0..source.mesh.vertex_count() as u32).map(|v| source.topology.vertex_point(v)).collect();
+            let used: Vec<SurfacePoint> = points.iter().flatten().copied().collect();
+            let mut found = inverse_map(&source.mesh, &target.mesh, map.as_ref(), &vertices, &used)?.into_iter();
+            let found: Vec<Option<PreImage>> = points.iter().map(|p| p.and_then(|_| found.next())).collect();
+            let missed: Vec<f64> = found.iter().flatten().map(|f| f.residual).filter(|r| r.is_finite()).collect();
+            residuals = Some(summarise(&missed));
+            found.into_iter().map(|f| f.map_or(PackedImage::NOWHERE, |f| f.point)).collect()
+        }
         None => vertices.images.clone(),
         Some(points) => {
             let packed: Vec<PackedPoint> = points.iter().map(|&p| p.into()).collect();
@@ -55,7 +74,8 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         }
     };
     session.watch.lap("map");
-    let at = |p: SurfacePoint| (p, p.position(&source.mesh));
+    let onto = if arguments.inverse { &target.mesh } else { &source.mesh };
+    let at = |p: SurfacePoint| (p, p.position(onto));
     barymap::io::points::write_map(
         &arguments.output,
         images.iter().enumerate().map(|(i, image)| MapRow {
@@ -76,7 +96,34 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         d.stretch_all,
         d.stretch_best95
     ));
+    let cycled = if arguments.cycle {
+        let turned = AnchorPairs { source: anchors.target.clone(), target: anchors.source.clone() };
+        let chosen = session.field.take();
+        let back = prepare(&mut session, &mut target, &mut source, &turned, method, &arguments.embedding)?;
+        let c = cycle(&target.mesh, &target.topology, &vertices, back.as_ref())?;
+        session.field = chosen;
+        session.watch.lap("cycle");
+        session.say(&format!(
+            "there and back: mean {:.5}, 95 % within {:.5}, largest {:.5} of the square root of the area; {:.1} % within an edge",
+            c.error.mean,
+            c.error.p95,
+            c.error.max,
+            100.0 * c.within_edge
+        ));
+        Some(c)
+    } else {
+        None
+    };
     let mut report = session.report("map");
+    let summary = |e: ErrorSummary| json!({"mean": e.mean, "median": e.median, "p95": e.p95, "max": e.max});
+    if let Some(c) = cycled {
+        report["cycle"] = summary(c.error);
+        report["cycle"]["returned"] = json!(c.returned);
+        report["cycle"]["within_edge"] = json!(c.within_edge);
+    }
+    if let Some(r) = residuals {
+        report["residual"] = summary(r);
+    }
     report["method"] = json!(method.name());
     report["points"] = json!(images.len());
     report["anchors"] = json!(anchors.len());

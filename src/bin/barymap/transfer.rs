@@ -34,7 +34,7 @@ pub(crate) struct Arguments {
     #[arg(long, short, required = true)]
     output: Vec<PathBuf>,
     /// How points are carried
-    #[arg(long, value_enum, default_value = "transport")]
+    #[arg(long, value_enum, default_value = "field")]
     method: MethodName,
     #[command(flatten)]
     look: Look,

@@ -1,0 +1,129 @@
+//! The method `field`: preparation, edits of anchors, and the map on every back end beside `transport`.
+//!
+//! `cargo bench --bench field`. With `BARYMAP_DATA` two people of about 13,000 vertices, else the built-in characters. Figures are process CPU time / 2 (what two idle cores
+//! take at best) and wall time, best of three rounds after a warm-up.
+
+mod support;
+
+use barymap::engine::{Backend, Engine, EngineOptions};
+use barymap::geometry::SurfacePoint;
+use barymap::models::character_pair;
+use barymap::surface::correspondence::{CorrespondenceOptions, Method, Precision, correspondence};
+use barymap::surface::field::{Edit, Field, FieldOptions, FieldPair, FieldSession};
+use barymap::surface::gpu::correspondence_on;
+use barymap::surface::{AnchorPairs, PackedImage, PackedPoint, PointMap};
+use support::{Result, Spent, Surface, best, data, once, random_points};
+
+const ANCHORS: [usize; 2] = [27, 93];
+const POINTS: usize = 131_072;
+const ROUNDS: usize = 3;
+
+fn row(what: &str, s: Spent, items: usize) {
+    if items > 1 {
+        let wall = s.wall / items as f64 * 1e9;
+        println!("| {what} | {:.0} ns per point | {wall:.0} ns |", s.per_item(items));
+    } else {
+        println!("| {what} | {:.1} ms | {:.1} ms |", s.cpu / 2.0 * 1e3, s.wall * 1e3);
+    }
+}
+
+fn pair() -> Result<(Surface, Surface)> {
+    match data() {
+        Some(folder) => {
+            let read = |who: &str| Surface::read(folder.join(format!("textured/human_{who}/human_{who}.obj")));
+            Ok((read("male")?, read("female")?))
+        }
+        None => {
+            let pair = character_pair();
+            Ok((Surface::new(pair.source.mesh)?, Surface::new(pair.target.mesh)?))
+        }
+    }
+}
+
+/// Anchors far from one another on the target; on the source the same vertices where the meshes have them in common, as the people do, else the built-in truth.
+fn anchors(source: &Surface, target: &Surface, count: usize) -> Result<AnchorPairs> {
+    if source.mesh.vertex_count() != target.mesh.vertex_count() {
+        let (source, target) = character_pair().anchors(count);
+        return Ok(AnchorPairs { source, target });
+    }
+    let vertices = target.farthest(count);
+    let on = |s: &Surface| vertices.iter().map(|&v| s.vertex(v)).collect::<Result<Vec<SurfacePoint>>>();
+    Ok(AnchorPairs { source: on(source)?, target: on(target)? })
+}
+
+fn edits(source: &Surface, target: &Surface, anchors: &AnchorPairs) -> Result<()> {
+    let n = anchors.len();
+    let prepare = best(ROUNDS, || {
+        FieldPair::<8>::new(source.shape(), target.shape())?;
+        Ok(())
+    })?;
+    row(&format!("both surfaces prepared ({n} anchors)"), prepare, 1);
+    let pair = FieldPair::<8>::new(source.shape(), target.shape())?;
+    for relax in [true, false] {
+        let options = FieldOptions { relax, ..FieldOptions::default() };
+        let whole = best(ROUNDS, || {
+            pair.field::<f32, 12>(anchors, &options)?;
+            Ok(())
+        })?;
+        row(if relax { "whole field, for an edit" } else { "the same, not relaxed" }, whole, 1);
+    }
+    let (session, begun) = once(|| FieldSession::<f32, 8, 12>::new(pair, anchors.clone(), &FieldOptions::default()));
+    let mut session = session?;
+    row("session begun", begun, 1);
+    // To the next vertex and back, on the source, on both.
+    let near = |s: &Surface, p: SurfacePoint| s.vertex(s.mesh.triangle(p.face as usize)[2]);
+    let (s, t) = (anchors.source[n / 2], anchors.target[n / 2]);
+    let (s2, t2) = (near(source, s)?, near(target, t)?);
+    for (what, there) in [("dragged on the source", (s2, t)), ("dragged on both", (s2, t2))] {
+        let mut away = false;
+        let spent = best(2 * ROUNDS, || {
+            away = !away;
+            let (a, b) = if away { there } else { (s, t) };
+            session.edit(&[Edit::Move(n / 2, a, b)])?;
+            Ok(())
+        })?;
+        row(what, spent, 1);
+    }
+    let added = best(ROUNDS, || {
+        session.edit(&[Edit::Remove(0)])?;
+        session.edit(&[Edit::Add(anchors.source[0], anchors.target[0])])?;
+        Ok(())
+    })?;
+    row("removed and added again", added, 1);
+    Ok(())
+}
+
+fn whole(map: &dyn PointMap, points: &[PackedPoint]) -> Result<Spent> {
+    let mut images: Vec<PackedImage> = Vec::new();
+    best(ROUNDS, || Ok(map.map(points, &mut images)?))
+}
+
+fn main() -> Result<()> {
+    support::without_shader_cache()?;
+    let (source, target) = pair()?;
+    let (s, t) = (source.mesh.vertex_count(), target.mesh.vertex_count());
+    println!("source {s} vertices, target {t}; {} threads", rayon::current_num_threads());
+    println!("| what | CPU / 2 | wall |\n|---|---|---|");
+    for n in ANCHORS {
+        edits(&source, &target, &anchors(&source, &target, n)?)?;
+    }
+    let anchors = anchors(&source, &target, ANCHORS[1])?;
+    let mut points = random_points(&target.mesh, POINTS, 2);
+    points.sort_by_key(|p| p.face);
+    for method in [Method::Transport, Method::Field] {
+        for precision in [Precision::Double, Precision::Single] {
+            let options = CorrespondenceOptions { method, precision, ..CorrespondenceOptions::default() };
+            let map = correspondence(source.shape(), target.shape(), &anchors, &options)?;
+            row(&format!("{} mapped, {precision:?} precision", method.name()), whole(map.as_ref(), &points)?, POINTS);
+        }
+        if let Ok(engine) = Engine::new(EngineOptions { backend: Backend::Gpu, ..EngineOptions::default() }) {
+            let options = CorrespondenceOptions { method, ..CorrespondenceOptions::default() };
+            let (map, _) = correspondence_on(&engine, source.shape(), target.shape(), &anchors, &options)?;
+            row(&format!("{} mapped, device", method.name()), whole(map.as_ref(), &points)?, POINTS);
+        }
+    }
+    // The field's own accuracy is benches/accuracy.rs.
+    let field = Field::<f32, 12>::new::<8>(source.shape(), target.shape(), &anchors, &FieldOptions::default())?;
+    println!("turned triangles before and after the repair: {:?}", field.field().map(|f| f.turned));
+    Ok(())
+}
