@@ -6,8 +6,9 @@ use super::obj::parse_number;
 use super::source::{self, Notes};
 use crate::Result;
 use crate::geometry::Material;
+use crate::geometry::material::{BASE_COLOR, RoleTexture, TextureContent};
 
-/// Reads names, diffuse colour, opacity and diffuse texture of the materials of an MTL file, in file order.
+/// Reads names, diffuse colour, opacity and textures of the materials of an MTL file, in file order.
 pub(crate) fn read(path: &Path, notes: &mut Notes) -> Result<Vec<Material>> {
     let bytes = source::read_all(path)?;
     source::refuse_utf16(path, &bytes)?;
@@ -35,24 +36,45 @@ pub(crate) fn read(path: &Path, notes: &mut Notes) -> Result<Vec<Material>> {
                     material.base_color[3] = opacity;
                 }
             }
-            "map_kd" => {
+            keyword if role(keyword).is_some() => {
                 let name = after_options(rest);
-                if !name.is_empty() {
+                if let (Some(role), false) = (role(keyword), name.is_empty()) {
                     let file = source::sibling(path, name);
                     if !file.is_file() {
                         notes.say(format!(
-                            "material {:?}: its texture {} does not exist",
+                            "material {:?}: its {role} texture {} does not exist",
                             material.name,
                             file.display()
                         ));
                     }
-                    material.base_color_texture = Some(file);
+                    if role == BASE_COLOR {
+                        material.base_color_texture = Some(file);
+                    } else if !material.textures.iter().any(|t| t.role == role) {
+                        let content = TextureContent::File(file);
+                        material.textures.push(RoleTexture { role: role.to_owned(), content });
+                    }
                 }
             }
             _ => {}
         }
     }
     Ok(materials)
+}
+
+/// The role of the texture that a keyword in lower case names: the format's, and the extension of it for physically based materials.
+fn role(keyword: &str) -> Option<&'static str> {
+    Some(match keyword {
+        "map_kd" => BASE_COLOR,
+        "map_pr" => "roughness",
+        "map_pm" => "metallic",
+        "map_ke" => "emissive",
+        "map_ks" => "specular",
+        "map_d" => "opacity",
+        "norm" | "map_kn" => "normal",
+        "map_bump" | "bump" => "height",
+        "disp" => "displacement",
+        _ => return None,
+    })
 }
 
 /// The file name of a texture statement, with its options (`-s 1 1 1`, `-clamp on`) taken off; it may hold spaces.

@@ -12,6 +12,7 @@ pub mod geojson;
 pub mod gltf_animation;
 mod gltf_components;
 mod gltf_document;
+mod gltf_materials;
 pub mod gltf_read;
 pub mod gltf_write;
 pub mod handles;
@@ -36,6 +37,7 @@ pub mod report;
 mod source;
 pub mod svg;
 mod svg_path;
+pub mod texture_name;
 
 use std::io::Read;
 use std::path::Path;
@@ -56,6 +58,7 @@ pub use obj_write::write_obj;
 pub use output::{check_writable, write_atomically};
 pub use ply_write::write_ply;
 pub use report::write_report;
+pub use texture_name::TextureName;
 
 /// A mesh read from a file, with what was passed over or mended on the way.
 #[derive(Clone, Debug)]

@@ -21,6 +21,9 @@ pub struct Layer<'a> {
     pub material_texture: Vec<u32>,
     /// Picture of triangles without material, or whose material is not listed; [`NONE`] if they have none.
     pub default_texture: u32,
+    /// Picture of each triangle of the source, [`NONE`] for one without, where materials do not decide it: tiles of UDIM textures. These
+    /// pictures end at their borders, the others repeat.
+    pub face_texture: Option<Vec<u32>>,
     /// How samples are averaged.
     pub encoding: Encoding,
 }
@@ -33,17 +36,26 @@ impl<'a> Layer<'a> {
             images: vec![image],
             material_texture: Vec::new(),
             default_texture: 0,
+            face_texture: None,
             encoding: Encoding::default(),
         }
     }
 
-    pub(super) fn check(&self) -> Result<()> {
+    pub(super) fn check(&self, source: &Mesh) -> Result<()> {
+        let triangles = source.triangle_count();
+        if let Some(n) = self.face_texture.as_ref().map(Vec::len).filter(|&n| n != triangles) {
+            return Err(Error::input(
+                format!("layer {} names pictures for {n} triangles, the source has {triangles}", self.name),
+                "Name one for each triangle, or none",
+            ));
+        }
         for (i, image) in self.images.iter().enumerate() {
             image.check(&format!("layer {}, picture {i}", self.name))?;
         }
         let count = self.images.len();
-        let bad =
-            self.material_texture.iter().chain([&self.default_texture]).find(|&&t| t != NONE && t as usize >= count);
+        let named =
+            self.material_texture.iter().chain(self.face_texture.iter().flatten()).chain([&self.default_texture]);
+        let bad = named.into_iter().find(|&&t| t != NONE && t as usize >= count);
         match bad {
             _ if count == 0 => {
                 Err(Error::input(format!("layer {} has no picture", self.name), "Give it one, or leave the layer out"))
@@ -58,6 +70,9 @@ impl<'a> Layer<'a> {
 
     /// Picture of each triangle of the source.
     pub(super) fn texture_of(&self, source: &Mesh) -> Vec<u32> {
+        if let Some(texture_of) = &self.face_texture {
+            return texture_of.clone();
+        }
         let of = |t| {
             let material = source.triangle_material(t) as usize;
             self.material_texture.get(material).copied().unwrap_or(self.default_texture)
@@ -146,7 +161,7 @@ pub(super) fn store(
 
 /// One texel: colours divided by alpha, rounded to nearest.
 #[inline]
-fn encode<T: Sample>(color: &[f32], out: &mut [T], encoding: Encoding) {
+pub(super) fn encode<T: Sample>(color: &[f32], out: &mut [T], encoding: Encoding) {
     let n = color.len();
     if !n.is_multiple_of(2) {
         for (out, &c) in out.iter_mut().zip(color) {

@@ -31,10 +31,10 @@ pub(super) struct Plan {
 }
 
 /// Bytes that stay allocated throughout: results, mip chains, tables of triangles.
-fn fixed(source: &Mesh, layers: &[Layer<'_>], target: &Mesh, options: &TransferOptions) -> u64 {
+pub(super) fn fixed(source: &Mesh, layers: &[Layer<'_>], target: &Mesh, options: &TransferOptions) -> u64 {
     let texels = u64::from(options.width) * u64::from(options.height);
     let (s, t) = (source.triangle_count() as u64, target.triangle_count() as u64);
-    let mut bytes = texels;
+    let mut bytes = texels * if options.coordinates { 17 } else { 1 };
     for layer in layers {
         let (channels, depth) = layer.output_format(options.background);
         bytes += texels * u64::from(channels) * depth.bytes() as u64 + 4 * s;
