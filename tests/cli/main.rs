@@ -8,5 +8,6 @@ mod morph;
 mod pairs;
 mod steps;
 mod support;
+mod textures;
 mod transfer;
 mod warp;

@@ -298,6 +298,8 @@ impl Scene {
             images: images.iter().map(|&i| &self.images[i]).collect(),
             material_texture: (0..images.len() as u32).collect(),
             default_texture: NONE,
+            // As tiles: these pictures end at their borders.
+            face_texture: (name == "rough").then(|| (0..self.source.triangle_count() as u32).map(|t| t % 2).collect()),
             encoding: Encoding { linear_light: images.len() == 2, ..Encoding::default() },
         };
         vec![of("colour", &[0, 1]), of("rough", &[2, 2]), Layer::single("light", &self.images[3])]

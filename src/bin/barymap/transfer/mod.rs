@@ -337,6 +337,14 @@ impl Job<'_> {
         } else if left > 0 {
             session.warn(&format!("{left} texels of charts have no colour: nothing around them has one"));
         }
+        for (n, what) in [
+            (s.degenerate_texcoords, "without area in the texture"),
+            (s.missing_texcoords, "without texture coordinates"),
+        ] {
+            if n > 0 {
+                session.warn(&format!("{n} triangles of the target are {what}: no texel shows them"));
+            }
+        }
         if self.layers.iter().map(|l| l.images.len()).max() > Some(1)
             && self.look.stmap.is_some()
             && self.layers.iter().all(|l| l.face_texture.is_none())
