@@ -224,15 +224,12 @@ fn a_models_textures_arrive_in_their_roles() {
         name: "skin".into(),
         base_color: [1.0, 0.5, 1.0, 1.0],
         texture: Some(png(&waves(128))),
-        textures: others.iter().enumerate().map(|(k, r)| ((*r).to_owned(), png(&waves(16 << (k % 3))))).collect(),
+        textures: others.iter().enumerate().map(|(k, r)| ((*r).to_owned(), png(&waves(16 << k)))).collect(),
         look,
     };
     barymap::io::write_glb(f.path("s.glb"), &uv_sphere(1.0, 24, 16), &[material]).unwrap();
     let source = read_mesh(f.path("s.glb")).unwrap().mesh;
     assert_eq!((source.materials[0].look, source.materials[0].textures.len()), (look, 4));
-    let mut target = stretched(30, 18);
-    target.materials = vec![barymap::geometry::Material { name: "hero".into(), ..Default::default() }];
-    barymap::io::write_obj(&target, f.path("t.obj")).unwrap();
     f.write("t.obj", &format!("usemtl hero\n{}", f.read("t.obj")));
 
     let command = TRANSFER.replace("s.obj", "s.glb");
@@ -346,7 +343,7 @@ fn the_map_can_be_applied_by_others() {
                 assert_eq!(st.get(x, y, 2), coverage.get(x, y, 0), "blue is the coverage");
                 assert_eq!(st.get(x, y, 3), f32::from(u8::from(coverage.get(x, y, 0) > 0.0)));
                 let (u, v) = (st.get(x, y, 0), st.get(x, y, 1));
-                assert!((0.0..=1.0).contains(&u) && (0.0..=1.0).contains(&v));
+                assert!((-1e-3..1.001).contains(&u) && (-1e-3..1.001).contains(&v));
                 if coverage.get(x, y, 0) > 0.0 {
                     let v = if up { v } else { 1.0 - v };
                     worst = (0..3).map(|c| (look_up(&source, u, v, c) - out.get(x, y, c)).abs()).fold(worst, f32::max);
