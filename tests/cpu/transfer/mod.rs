@@ -5,6 +5,7 @@ mod cases;
 mod filter;
 mod pictures;
 mod real;
+mod seams;
 mod whole;
 
 use crate::common::flat::{Random, grid, soup};
