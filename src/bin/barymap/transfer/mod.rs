@@ -134,10 +134,10 @@ impl Look {
 /// The name of each layer's output, from one with `<ROLE>` or one for each.
 fn layer_names(outputs: &[String], layers: &[Textures]) -> Result<Vec<TextureName>> {
     let names: Vec<TextureName> = outputs.iter().map(TextureName::new).collect();
-    if let ([name], true) = (&names[..], layers.len() > 1) {
-        if name.has_role() {
-            return Ok(vec![name.clone(); layers.len()]);
-        }
+    if let [name] = &names[..]
+        && name.has_role()
+    {
+        return Ok(vec![name.clone(); layers.len()]);
     }
     if !names.is_empty() && names.len() != layers.len() {
         let roles: Vec<&str> = layers.iter().map(|l| l.role.as_str()).collect();

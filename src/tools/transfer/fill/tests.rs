@@ -106,7 +106,7 @@ fn a_chart_without_any_colour_gets_it_across_seams_or_stays_empty() {
 fn the_number_of_steps_hardly_grows() {
     let steps = |size: u32| {
         let hole = |x: u32, y: u32| x > 0 && y > 0 && x + 1 < size && y + 1 < size;
-        let value = |x: u32, y: u32| if (x / 7 + y / 5) % 2 == 0 { 1.0 } else { 0.0 };
+        let value = |x: u32, y: u32| if (x / 7 + y / 5).is_multiple_of(2) { 1.0 } else { 0.0 };
         let s = scene(size, value, |_, _| 0, hole);
         let graph = Graph::new(&s.holes, &s.covers, &[], size);
         let known: Vec<f64> = graph.known.iter().map(|&t| f64::from(s.image.sample(t as usize))).collect();
