@@ -157,6 +157,9 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     if let Some(name) = stmap.filter(|n| !n.to_ascii_lowercase().ends_with(".exr")) {
         return Err(usage("--stmap", &format!("{name} cannot hold coordinates"), "End the name in .exr"));
     }
+    if arguments.look.fill_doubtful && arguments.look.fill_options() == Fill::None {
+        return Err(usage("--fill-doubtful", "nothing is filled", "Say how, with --fill smooth or --fill pull-push"));
+    }
     let early = arguments.output.iter().chain(&arguments.look.coverage).chain(stmap);
     // Places to fill in are checked once it is known with what.
     check_outputs(early.map(Path::new).filter(|p| !p.to_string_lossy().contains(['<', '%'])))?;

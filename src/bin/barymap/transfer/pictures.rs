@@ -1,6 +1,6 @@
 //! The pictures that a transfer writes: one for each layer, tile and material, whole sets or none.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use barymap::Result;
@@ -25,12 +25,6 @@ impl Part {
     /// The part of the plane of texture coordinates.
     pub(super) fn region(&self) -> UvRegion {
         self.tile.map_or(UvRegion::Repeat, |t| UvRegion::Square(t.corner()))
-    }
-
-    /// Whether it shows a triangle (by its centre, if it reaches over several tiles).
-    pub(super) fn shows(&self, mesh: &Mesh, t: usize) -> bool {
-        let tile = || mesh.triangle_texcoords(t).map(|uv| UvTile::of(&uv));
-        self.material.is_none_or(|m| mesh.triangle_material(t) == m) && self.tile.is_none_or(|own| tile() == Some(own))
     }
 
     fn file(&self, name: &TextureName, role: &str, target: &Mesh) -> PathBuf {
@@ -188,8 +182,16 @@ impl Writer {
     }
 }
 
-/// Part of each triangle: its place in `parts`, or [`NONE`].
+/// Part of each triangle: its place in `parts`, or [`NONE`]. One that reaches over several tiles is in that of its centre.
 pub(super) fn part_of(parts: &[Part], target: &Mesh) -> Vec<u32> {
-    let of = |t: usize| parts.iter().position(|p| p.shows(target, t)).map_or(NONE, |p| p as u32);
+    let by_tile = parts.iter().any(|p| p.tile.is_some());
+    let by_material = parts.iter().any(|p| p.material.is_some());
+    let places: HashMap<(Option<u32>, Option<UvTile>), u32> =
+        parts.iter().enumerate().map(|(k, p)| ((p.material, p.tile), k as u32)).collect();
+    let of = |t: usize| {
+        let tile = target.triangle_texcoords(t).map(|uv| UvTile::of(&uv)).filter(|_| by_tile);
+        let material = by_material.then(|| target.triangle_material(t));
+        places.get(&(material, tile)).copied().unwrap_or(NONE)
+    };
     (0..target.triangle_count()).map(of).collect()
 }
