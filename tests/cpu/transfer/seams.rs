@@ -79,7 +79,7 @@ fn seams_are_no_larger_than_steps_inside_charts() {
     for (i, t) in texels.iter().enumerate().filter(|(_, t)| t.is_covered()) {
         let (x, y) = (i as u32 % 512, i as u32 / 512);
         let chart = pair.target.charts[t.face as usize];
-        let value = corrupted.get(x, y, 0) * if chart % 2 == 0 { 1.0 } else { 0.5 };
+        let value = corrupted.get(x, y, 0) * if chart.is_multiple_of(2) { 1.0 } else { 0.5 };
         corrupted.set(x, y, 0, value);
     }
     let wrong = steps(&corrupted);
