@@ -8,6 +8,7 @@ mod deform;
 mod demo;
 mod devices;
 mod embed;
+mod layer_kinds;
 mod map;
 mod method;
 mod morph;

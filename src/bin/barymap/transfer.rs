@@ -6,13 +6,14 @@ use barymap::geometry::NONE;
 use barymap::io::gltf_write::GlbMaterial;
 use barymap::raster::Image;
 use barymap::surface::AnchorPairs;
-use barymap::tools::transfer::{Encoding, Filter, Layer, TransferOptions, TransferOutput, transfer_on};
+use barymap::tools::transfer::{Encoding, Filter, Layer, LayerKind, TransferOptions, TransferOutput, transfer_on};
 use barymap::tools::vertex_map::{VertexMap, vertex_map};
 use barymap::{Error, Result};
 use clap::ValueEnum;
 use serde_json::json;
 
 use crate::common::{Common, EmbeddingArguments, Session, Surface, anchor_pairs, check_outputs, size, usage};
+use crate::layer_kinds::LayerKinds;
 use crate::method::{MethodName, prepare};
 
 #[derive(Debug, clap::Args)]
@@ -36,6 +37,8 @@ pub(crate) struct Arguments {
     /// How points are carried
     #[arg(long, value_enum, default_value = "transport")]
     method: MethodName,
+    #[command(flatten)]
+    kinds: LayerKinds,
     #[command(flatten)]
     look: Look,
     #[command(flatten)]
@@ -99,12 +102,13 @@ pub(crate) struct Textures {
     pub(crate) images: Vec<Image>,
     pub(crate) material_texture: Vec<u32>,
     pub(crate) default_texture: u32,
+    pub(crate) kind: LayerKind,
 }
 
 impl Textures {
     /// One picture for the whole source.
     pub(crate) fn single(image: Image) -> Self {
-        Self { images: vec![image], material_texture: Vec::new(), default_texture: 0 }
+        Self { images: vec![image], material_texture: Vec::new(), default_texture: 0, kind: LayerKind::Color }
     }
 }
 
@@ -128,6 +132,7 @@ fn textures(arguments: &Arguments, source: &Surface) -> Result<Vec<Textures>> {
         images: Vec::new(),
         material_texture: vec![NONE; source.mesh.materials.len()],
         default_texture: NONE,
+        kind: LayerKind::Color,
     };
     for (name, file) in named {
         for (m, material) in source.mesh.materials.iter().enumerate() {
@@ -152,6 +157,7 @@ pub(crate) fn own_textures(source: &Surface) -> Result<Textures> {
         images: Vec::new(),
         material_texture: vec![NONE; source.mesh.materials.len()],
         default_texture: NONE,
+        kind: LayerKind::Color,
     };
     for (m, material) in source.mesh.materials.iter().enumerate() {
         let image = match (&material.embedded_texture, &material.base_color_texture) {
@@ -178,13 +184,16 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     arguments.output.iter().try_for_each(barymap::io::image_file::check_image_extension)?;
     let mut session = Session::start(common)?;
     let (mut source, mut target) = (session.mesh(&arguments.source)?, session.mesh(&arguments.target)?);
-    let layers = textures(arguments, &source)?;
+    let mut layers = textures(arguments, &source)?;
     if layers.len() != arguments.output.len() {
         return Err(usage(
             "--output",
             &format!("{} outputs for {} layers", arguments.output.len(), layers.len()),
             "Give one -o for each texture",
         ));
+    }
+    for (layer, kind) in layers.iter_mut().zip(arguments.kinds.of(arguments.output.len())?) {
+        layer.kind = kind;
     }
     session.watch.lap("read");
     let anchors = anchor_pairs(&arguments.anchors, &source, &target, &session)?;
@@ -244,6 +253,7 @@ impl Job<'_> {
                 material_texture: t.material_texture.clone(),
                 default_texture: t.default_texture,
                 encoding: Encoding { linear_light: self.look.linear_light, ..Encoding::default() },
+                kind: t.kind,
             })
             .collect();
         let options = self.look.options(session.common.memory);

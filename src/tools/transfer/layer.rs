@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::Background;
 use super::color::Sample;
 use super::footprint::Footprint;
+use super::kind::LayerKind;
 use super::mip::{Alpha, Encoding};
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, NONE};
@@ -21,8 +22,10 @@ pub struct Layer<'a> {
     pub material_texture: Vec<u32>,
     /// Picture of triangles without material, or whose material is not listed; [`NONE`] if they have none.
     pub default_texture: u32,
-    /// How samples are averaged.
+    /// How samples are averaged, if they are colours.
     pub encoding: Encoding,
+    /// What samples mean.
+    pub kind: LayerKind,
 }
 
 impl<'a> Layer<'a> {
@@ -34,6 +37,7 @@ impl<'a> Layer<'a> {
             material_texture: Vec::new(),
             default_texture: 0,
             encoding: Encoding::default(),
+            kind: LayerKind::default(),
         }
     }
 

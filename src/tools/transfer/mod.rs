@@ -19,12 +19,14 @@ pub mod tables;
 
 mod band;
 mod driver;
+mod kind;
 mod layer;
 mod plan;
 
 pub use crate::tools::stopwatch::StageTime;
 pub use bins::UvRegion;
 pub use driver::{transfer, transfer_on};
+pub use kind::{LayerKind, NormalY, Relief};
 pub use layer::Layer;
 pub use mip::{Alpha, Encoding};
 pub use plan::memory_needed;

@@ -1,0 +1,86 @@
+//! What the layers of a transfer mean, as the command line says it.
+
+use barymap::Result;
+use barymap::tools::transfer::{LayerKind, NormalY, Relief};
+use clap::ValueEnum;
+
+use crate::common::usage;
+
+/// Meanings of the layers.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub(crate) struct LayerKinds {
+    /// What a layer holds, once per layer in their order; layers without are colour
+    #[arg(long, value_enum)]
+    kind: Vec<KindName>,
+    /// Where the green channel of tangent-space normal maps points: up in the picture (OpenGL, glTF) or down (DirectX)
+    #[arg(long, value_enum, default_value = "up")]
+    normal_y: NormalYName,
+    /// What becomes of heights where sizes differ: they grow with the surface around them (local; normal maps), with the mesh as a whole
+    /// (mesh; displacement), or normals are only turned (turned). Without it, as in parentheses
+    #[arg(long, value_enum)]
+    relief: Option<ReliefName>,
+}
+
+/// Names of the kinds.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum KindName {
+    /// Averaged
+    Color,
+    /// Nearest texel, never mixed
+    Labels,
+    /// Tangent-space normals
+    Normal,
+    /// Object-space normals
+    NormalObject,
+    /// Heights
+    Displacement,
+}
+
+/// Names of the green directions.
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+enum NormalYName {
+    #[default]
+    Up,
+    Down,
+}
+
+/// Names of what becomes of heights.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum ReliefName {
+    Local,
+    Mesh,
+    Turned,
+}
+
+impl LayerKinds {
+    /// The kinds of `count` layers.
+    pub(crate) fn of(&self, count: usize) -> Result<Vec<LayerKind>> {
+        if self.kind.len() > count {
+            return Err(usage(
+                "--kind",
+                &format!("{} kinds for {count} layers", self.kind.len()),
+                "Give one for each layer, in their order",
+            ));
+        }
+        let y = match self.normal_y {
+            NormalYName::Up => NormalY::Up,
+            NormalYName::Down => NormalY::Down,
+        };
+        let relief = |default| match self.relief {
+            None => default,
+            Some(ReliefName::Local) => Relief::Local,
+            Some(ReliefName::Mesh) => Relief::Mesh,
+            Some(ReliefName::Turned) => Relief::Turned,
+        };
+        let kind = |name: &KindName| match name {
+            KindName::Color => LayerKind::Color,
+            KindName::Labels => LayerKind::Labels,
+            KindName::Normal => LayerKind::TangentNormal { y, relief: relief(Relief::Local) },
+            KindName::NormalObject => LayerKind::ObjectNormal { relief: relief(Relief::Local) },
+            KindName::Displacement => LayerKind::Displacement { relief: relief(Relief::Mesh) },
+        };
+        let mut kinds: Vec<LayerKind> = self.kind.iter().map(kind).collect();
+        kinds.resize(count, LayerKind::Color);
+        Ok(kinds)
+    }
+}
