@@ -2,6 +2,7 @@
 pub mod animate;
 pub mod cover;
 pub mod deform;
+pub mod differential;
 pub mod morph;
 pub mod render;
 pub mod stopwatch;

@@ -15,10 +15,9 @@ pub(crate) struct LayerKinds {
     /// Where the green channel of tangent-space normal maps points: up in the picture (OpenGL, glTF) or down (DirectX)
     #[arg(long, value_enum, default_value = "up")]
     normal_y: NormalYName,
-    /// What becomes of heights where sizes differ: they grow with the surface around them (local; normal maps), with the mesh as a whole
-    /// (mesh; displacement), or normals are only turned (turned). Without it, as in parentheses
-    #[arg(long, value_enum)]
-    relief: Option<ReliefName>,
+    /// What becomes of the relief of normal and displacement maps where the surface is stretched
+    #[arg(long, value_enum, default_value = "turned")]
+    relief: ReliefName,
 }
 
 /// Names of the kinds.
@@ -44,12 +43,16 @@ enum NormalYName {
     Down,
 }
 
-/// Names of what becomes of heights.
-#[derive(Clone, Copy, Debug, ValueEnum)]
+/// Names of what becomes of relief.
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
 enum ReliefName {
-    Local,
-    Mesh,
+    /// Normals are turned and shade as before; heights keep their values
+    #[default]
     Turned,
+    /// Heights grow with the surface around them
+    Local,
+    /// Heights grow with the mesh as a whole
+    Mesh,
 }
 
 impl LayerKinds {
@@ -66,18 +69,17 @@ impl LayerKinds {
             NormalYName::Up => NormalY::Up,
             NormalYName::Down => NormalY::Down,
         };
-        let relief = |default| match self.relief {
-            None => default,
-            Some(ReliefName::Local) => Relief::Local,
-            Some(ReliefName::Mesh) => Relief::Mesh,
-            Some(ReliefName::Turned) => Relief::Turned,
+        let relief = match self.relief {
+            ReliefName::Turned => Relief::Turned,
+            ReliefName::Local => Relief::Local,
+            ReliefName::Mesh => Relief::Mesh,
         };
         let kind = |name: &KindName| match name {
             KindName::Color => LayerKind::Color,
             KindName::Labels => LayerKind::Labels,
-            KindName::Normal => LayerKind::TangentNormal { y, relief: relief(Relief::Local) },
-            KindName::NormalObject => LayerKind::ObjectNormal { relief: relief(Relief::Local) },
-            KindName::Displacement => LayerKind::Displacement { relief: relief(Relief::Mesh) },
+            KindName::Normal => LayerKind::TangentNormal { y, relief },
+            KindName::NormalObject => LayerKind::ObjectNormal { relief },
+            KindName::Displacement => LayerKind::Displacement { relief },
         };
         let mut kinds: Vec<LayerKind> = self.kind.iter().map(kind).collect();
         kinds.resize(count, LayerKind::Color);

@@ -7,10 +7,13 @@ use super::band::Window;
 use super::bins::Atlas;
 use super::footprint::Footprint;
 use super::gpu::{DeviceTexture, Sampler, Stages};
+use super::kind::LayerKind;
 use super::layer::{Layer, blank, copy_padding, store};
 use super::mip::MipChain;
+use super::nearest::nearest_texels;
 use super::pad::pad_seams;
 use super::plan::Plan;
+use super::rebase::{Rebase, Samples, renormalise};
 use super::sample::{SampleParams, sample_texture};
 use super::tables::{source_triangles, target_triangles};
 use super::{LARGEST_SIDE, TransferOptions, TransferOutput, TransferStats, coverage};
@@ -18,7 +21,7 @@ use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, NONE};
 use crate::progress::Progress;
-use crate::raster::{Image, Pixels};
+use crate::raster::{Depth, Image, Pixels};
 use crate::surface::PointMap;
 use crate::tools::stopwatch::Stopwatch;
 
@@ -83,6 +86,8 @@ pub fn transfer_on(
     let mut coarse = grid(1)?;
     let mut fine = if options.supersample > 1 { Some(grid(options.supersample)?) } else { None };
     watch.lap("prepare");
+    let rebase = Rebase::for_kinds(layers.iter().map(|l| l.kind), source, target, map)?;
+    watch.lap("frames");
     let mut outputs = layers.iter().map(|l| Output::new(l, source, options)).collect::<Result<Vec<_>>>()?;
     let mut sampler = stages.sampler(|s| outputs.iter_mut().try_for_each(|o| o.upload(s, options)))?;
     if sampler.is_none() {
@@ -109,7 +114,7 @@ pub fn transfer_on(
             watch.lap("footprint");
         }
         for output in &mut outputs {
-            output.sample(&rows, &coarse, fine.as_ref(), &mut scratch, options, sampler.as_mut())?;
+            output.sample(&rows, &coarse, fine.as_ref(), &mut scratch, options, rebase.as_ref(), sampler.as_mut())?;
         }
         watch.lap("sample_texture");
         let band = &mut covers[rows.start * width..rows.end * width];
@@ -124,6 +129,7 @@ pub fn transfer_on(
         missing_texcoords: atlas.missing,
         degenerate_texcoords: atlas.degenerate,
         mirrored_texcoords: atlas.mirrored,
+        size_ratio: rebase.as_ref().map(Rebase::size_ratio),
         memory: stats_memory,
         bands,
         ..tally.stats()
@@ -208,22 +214,25 @@ struct Output<'a> {
     device: Vec<DeviceTexture>,
     texture_of: Vec<u32>,
     image: Image,
+    kind: LayerKind,
 }
 
 impl<'a> Output<'a> {
     fn new(layer: &Layer<'a>, source: &Mesh, options: &TransferOptions) -> Result<Self> {
         let (channels, depth) = layer.output_format(options.background);
         Ok(Self {
-            chains: layer.images.iter().map(|i| MipChain::new(i, layer.encoding)).collect::<Result<_>>()?,
+            chains: layer.images.iter().map(|i| layer.chain(i)).collect::<Result<_>>()?,
             device: Vec::new(),
             texture_of: layer.texture_of(source),
             image: blank(options.width, options.height, channels, depth, options.background)?,
+            kind: layer.kind,
         })
     }
 
     /// Brings the chains to the device that samples.
     fn upload(&mut self, sampler: &Sampler<'_>, options: &TransferOptions) -> Result<()> {
-        for chain in &self.chains {
+        // Labels are looked up, not sampled.
+        for chain in self.chains.iter().filter(|_| self.kind != LayerKind::Labels) {
             self.device.push(sampler.texture(chain, options.filter, options.taps)?);
         }
         Ok(())
@@ -241,6 +250,11 @@ impl<'a> Output<'a> {
         colors.clear();
         colors.resize(footprints.len() * channels as usize, 0.0);
         for (texture, chain) in self.chains.iter().enumerate() {
+            if self.kind == LayerKind::Labels {
+                let texture = texture as u32;
+                nearest_texels(chain.image, texture, channels as usize, &self.texture_of, footprints, colors);
+                continue;
+            }
             let params = SampleParams { filter: options.filter, taps: options.taps, channels, texture: texture as u32 };
             match (&mut sampler, self.device.get(texture)) {
                 (Some(s), Some(device)) => s.sample(device, chain, &params, &self.texture_of, footprints, colors)?,
@@ -258,17 +272,44 @@ impl<'a> Output<'a> {
         fine: Option<&Window<'_>>,
         scratch: &mut Scratch,
         options: &TransferOptions,
+        rebase: Option<&Rebase<'_>>,
         mut sampler: Option<&mut Sampler<'_>>,
     ) -> Result<()> {
         self.colors(&scratch.footprints, options, &mut scratch.colors, sampler.as_deref_mut())?;
-        if let Some(fine) = fine {
+        self.rebase(rebase, coarse, rows, &scratch.footprints, &mut scratch.colors);
+        if let Some(fine) = fine.filter(|_| self.kind != LayerKind::Labels) {
+            let k = options.supersample as usize;
             self.colors(&scratch.fine_footprints, options, &mut scratch.fine_colors, sampler)?;
-            self.average(rows, coarse, fine, scratch, options.supersample as usize);
+            let fine_rows = rows.start * k..rows.end * k;
+            self.rebase(rebase, fine, &fine_rows, &scratch.fine_footprints, &mut scratch.fine_colors);
+            self.average(rows, coarse, fine, scratch, k);
+            renormalise(self.kind, self.image.depth(), self.image.channels as usize, &mut scratch.colors);
         }
         let encoding = self.chains[0].encoding;
         let first = rows.start * coarse.width;
         store(&mut self.image, first, encoding, &self.texture_of, &scratch.footprints, &scratch.colors);
         Ok(())
+    }
+
+    /// Expresses normals and heights on the target.
+    fn rebase(
+        &self,
+        rebase: Option<&Rebase<'_>>,
+        window: &Window<'_>,
+        rows: &std::ops::Range<usize>,
+        footprints: &[Footprint],
+        colors: &mut [f32],
+    ) {
+        let Some(rebase) = rebase else { return };
+        let depths: Vec<Depth> = self.chains.iter().map(MipChain::depth).collect();
+        let samples = Samples {
+            kind: self.kind,
+            depths: &depths,
+            depth: self.image.depth(),
+            channels: self.image.channels as usize,
+            texture_of: &self.texture_of,
+        };
+        rebase.apply(&samples, window, rows, footprints, colors);
     }
 
     /// Replaces the colour of each texel by the mean of its samples whose centres lie in the same chart, if there are any.

@@ -22,7 +22,7 @@ pub enum LayerKind {
     },
     /// Heights over the surface; one half of the range of integers, and 0 of floats, is the surface itself.
     Displacement {
-        /// What becomes of heights; [`Relief::Mesh`] leaves the stored values alone, [`Relief::Turned`] as well.
+        /// What becomes of heights; only [`Relief::Local`] changes values.
         relief: Relief,
     },
 }
@@ -37,33 +37,34 @@ pub enum NormalY {
     Down,
 }
 
-/// What becomes of the heights that a normal or displacement map stands for, where the target is larger or smaller than its image.
+/// What becomes of the relief that a normal or displacement map stands for, where the map stretches the surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Relief {
-    /// Heights grow with the surface around them: what is twice as large is twice as high, and as steep as it was.
+    /// Normals are turned by the rotation closest to the map's differential: shading keeps its contrast, as if the source's texture lay on the
+    /// target. Heights keep their values.
     #[default]
-    Local,
-    /// Heights grow with the mesh as a whole: what is stretched beside the rest becomes flatter.
-    Mesh,
-    /// Normals are only turned, by the rotation closest to the map's differential: shading keeps its contrast even where the map
-    /// stretches one way.
     Turned,
+    /// Heights grow with the surface around them: what is twice as large is twice as high. Where the map stretches one way, slopes become flatter that
+    /// way and steeper the other.
+    Local,
+    /// Heights grow with the mesh as a whole and keep their values in a displacement map: what is stretched beside the rest becomes flatter.
+    Mesh,
 }
 
 impl LayerKind {
     /// A tangent-space normal map with green up, as glTF has it.
     pub fn tangent_normal() -> Self {
-        Self::TangentNormal { y: NormalY::Up, relief: Relief::Local }
+        Self::TangentNormal { y: NormalY::Up, relief: Relief::Turned }
     }
 
     /// An object-space normal map.
     pub fn object_normal() -> Self {
-        Self::ObjectNormal { relief: Relief::Local }
+        Self::ObjectNormal { relief: Relief::Turned }
     }
 
     /// A displacement map whose values stay as they are.
     pub fn displacement() -> Self {
-        Self::Displacement { relief: Relief::Mesh }
+        Self::Displacement { relief: Relief::Turned }
     }
 
     /// The name on the command line.

@@ -6,7 +6,7 @@ use super::Background;
 use super::color::Sample;
 use super::footprint::Footprint;
 use super::kind::LayerKind;
-use super::mip::{Alpha, Encoding};
+use super::mip::{Alpha, Encoding, MipChain};
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, NONE};
 use crate::raster::{Depth, Image, Pixels};
@@ -45,6 +45,7 @@ impl<'a> Layer<'a> {
         for (i, image) in self.images.iter().enumerate() {
             image.check(&format!("layer {}, picture {i}", self.name))?;
         }
+        self.check_kind()?;
         let count = self.images.len();
         let bad =
             self.material_texture.iter().chain([&self.default_texture]).find(|&&t| t != NONE && t as usize >= count);
@@ -57,6 +58,42 @@ impl<'a> Layer<'a> {
                 "Give an index below the number of its pictures",
             )),
             None => Ok(()),
+        }
+    }
+
+    /// Whether the pictures can be what the kind says.
+    fn check_kind(&self) -> Result<()> {
+        let normals = matches!(self.kind, LayerKind::TangentNormal { .. } | LayerKind::ObjectNormal { .. });
+        if let Some(i) = self.images.iter().position(|i| normals && i.channels < 3) {
+            return Err(Error::input(
+                format!("layer {}, picture {i}: a normal map of {} channels", self.name, self.images[i].channels),
+                "Give a picture with red, green and blue, or --kind displacement for heights",
+            ));
+        }
+        let format = |i: &&Image| (i.channels, i.depth());
+        let labels = self.kind == LayerKind::Labels;
+        if labels && self.images.iter().any(|i| format(&i) != format(&self.images[0])) {
+            return Err(Error::input(
+                format!("layer {}: label pictures of different channels or depths", self.name),
+                "Labels would change their numbers: save all of them in one format",
+            ));
+        }
+        Ok(())
+    }
+
+    /// How samples are read: what is no colour is neither light nor weighted by alpha.
+    fn reading(&self) -> Encoding {
+        match self.kind {
+            LayerKind::Color => self.encoding,
+            _ => Encoding { linear_light: false, alpha: Alpha::Data },
+        }
+    }
+
+    /// The mip chain of a picture; labels have none.
+    pub(super) fn chain(&self, image: &'a Image) -> Result<MipChain<'a>> {
+        match self.kind {
+            LayerKind::Labels => Ok(MipChain { image, encoding: self.reading(), levels: Vec::new() }),
+            _ => MipChain::new(image, self.reading()),
         }
     }
 
