@@ -78,6 +78,11 @@ impl Differential {
         self.matrix.determinant().abs().sqrt()
     }
 
+    /// 1, or -1 where the map turns the surface over.
+    pub fn orientation(&self) -> f64 {
+        self.matrix.determinant().signum()
+    }
+
     /// The rotation, or reflection, of the plane closest to the differential (polar decomposition).
     fn closest_rotation(&self) -> DMat2 {
         let [a, c, b, d] = self.matrix.to_cols_array();

@@ -1,5 +1,6 @@
 //! What users do: combinations of the methods.
 pub mod animate;
+pub mod attributes;
 pub mod cover;
 pub mod deform;
 pub mod differential;
