@@ -80,6 +80,16 @@ impl VertexStatus {
             Self::Filled => "filled",
         }
     }
+
+    /// The number used in PLY files: 0 failed, 1 doubtful, 2 valid, 3 filled.
+    pub fn number(self) -> u8 {
+        match self {
+            Self::Failed => 0,
+            Self::Doubtful => 1,
+            Self::Valid => 2,
+            Self::Filled => 3,
+        }
+    }
 }
 
 /// What [`transfer_attributes`] gives.
@@ -163,7 +173,12 @@ impl AttributeKind {
 }
 
 impl Attribute {
-    fn check(&self, source: &Mesh) -> Result<()> {
+    /// Whether this can be data of the vertices of `source`; [`transfer_attributes`] asks first of all.
+    ///
+    /// # Errors
+    /// [`Error::Input`] on another number of values, a value that is not finite, a negative weight, or a number of columns that the kind does
+    /// not allow.
+    pub fn check(&self, source: &Mesh) -> Result<()> {
         let (name, n, vertices) = (&self.name, self.columns, source.vertex_count());
         let fits = match self.kind {
             AttributeKind::Vectors | AttributeKind::Normals => n > 0 && n.is_multiple_of(3),
@@ -178,11 +193,7 @@ impl Attribute {
         }
         if n.checked_mul(vertices) != Some(self.values.len()) {
             return Err(Error::input(
-                format!(
-                    "{name}: {} rows of {n} numbers for the {vertices} vertices of {}",
-                    self.values.len() as f64 / n as f64,
-                    source.name
-                ),
+                format!("{name}: {} rows for the {vertices} vertices of {}", self.values.len() / n, source.name),
                 "Give a row for each vertex line of the source, used or not",
             ));
         }
