@@ -250,3 +250,6 @@ pub(super) fn renormalise(kind: LayerKind, depth: Depth, channels: usize, colors
         }
     });
 }
+
+#[cfg(test)]
+mod tests;
