@@ -305,6 +305,7 @@ impl Job<'_> {
             "nanoseconds_per_texel": per_texel,
             "memory": s.memory,
             "bands": s.bands,
+            "size_ratio": s.size_ratio,
             "device_stages": s.device_stages,
         });
         if let (Some(report), Some(extra)) = (report.as_object_mut(), extra.as_object()) {
