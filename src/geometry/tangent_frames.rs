@@ -242,7 +242,8 @@ mod tests {
     #[test]
     fn axes_follow_texture_coordinates() {
         let third = [1.0 / 3.0; 3];
-        let cases: [(fn(DVec2) -> DVec2, DVec3, DVec3); 3] = [
+        type Unwrap = fn(DVec2) -> DVec2;
+        let cases: [(Unwrap, DVec3, DVec3); 3] = [
             (|p| p, DVec3::X, DVec3::Y),
             (|p| DVec2::new(p.y, 1.0 - p.x), DVec3::Y, DVec3::NEG_X),
             // Mirrored: u runs along -x while v still runs along y.

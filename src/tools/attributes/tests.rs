@@ -162,7 +162,7 @@ fn holes_are_filled_by_harmonic_functions() {
             p,
             if !hole[v] {
                 Status::Valid
-            } else if v % 2 == 0 {
+            } else if v.is_multiple_of(2) {
                 Status::Failed
             } else {
                 Status::Doubtful

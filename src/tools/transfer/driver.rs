@@ -88,7 +88,8 @@ pub fn transfer_on(
     watch.lap("prepare");
     let rebase = Rebase::for_kinds(layers.iter().map(|l| l.kind), source, target, map)?;
     watch.lap("frames");
-    let mut outputs = layers.iter().map(|l| Output::new(l, source, options)).collect::<Result<Vec<_>>>()?;
+    let mut outputs =
+        layers.iter().map(|l| Output::new(l, source, options, rebase.as_ref())).collect::<Result<Vec<_>>>()?;
     let mut sampler = stages.sampler(|s| outputs.iter_mut().try_for_each(|o| o.upload(s, options)))?;
     if sampler.is_none() {
         outputs.iter_mut().for_each(|o| o.device.clear());
@@ -114,7 +115,7 @@ pub fn transfer_on(
             watch.lap("footprint");
         }
         for output in &mut outputs {
-            output.sample(&rows, &coarse, fine.as_ref(), &mut scratch, options, rebase.as_ref(), sampler.as_mut())?;
+            output.sample(&rows, &coarse, fine.as_ref(), &mut scratch, options, sampler.as_mut())?;
         }
         watch.lap("sample_texture");
         let band = &mut covers[rows.start * width..rows.end * width];
@@ -215,10 +216,17 @@ struct Output<'a> {
     texture_of: Vec<u32>,
     image: Image,
     kind: LayerKind,
+    /// What carries normals and heights to the target, if some layer holds them.
+    rebase: Option<&'a Rebase<'a>>,
 }
 
 impl<'a> Output<'a> {
-    fn new(layer: &Layer<'a>, source: &Mesh, options: &TransferOptions) -> Result<Self> {
+    fn new(
+        layer: &Layer<'a>,
+        source: &Mesh,
+        options: &TransferOptions,
+        rebase: Option<&'a Rebase<'a>>,
+    ) -> Result<Self> {
         let (channels, depth) = layer.output_format(options.background);
         Ok(Self {
             chains: layer.images.iter().map(|i| layer.chain(i)).collect::<Result<_>>()?,
@@ -226,6 +234,7 @@ impl<'a> Output<'a> {
             texture_of: layer.texture_of(source),
             image: blank(options.width, options.height, channels, depth, options.background)?,
             kind: layer.kind,
+            rebase,
         })
     }
 
@@ -272,16 +281,15 @@ impl<'a> Output<'a> {
         fine: Option<&Window<'_>>,
         scratch: &mut Scratch,
         options: &TransferOptions,
-        rebase: Option<&Rebase<'_>>,
         mut sampler: Option<&mut Sampler<'_>>,
     ) -> Result<()> {
         self.colors(&scratch.footprints, options, &mut scratch.colors, sampler.as_deref_mut())?;
-        self.rebase(rebase, coarse, rows, &scratch.footprints, &mut scratch.colors);
+        self.rebase(coarse, rows, &scratch.footprints, &mut scratch.colors);
         if let Some(fine) = fine.filter(|_| self.kind != LayerKind::Labels) {
             let k = options.supersample as usize;
             self.colors(&scratch.fine_footprints, options, &mut scratch.fine_colors, sampler)?;
             let fine_rows = rows.start * k..rows.end * k;
-            self.rebase(rebase, fine, &fine_rows, &scratch.fine_footprints, &mut scratch.fine_colors);
+            self.rebase(fine, &fine_rows, &scratch.fine_footprints, &mut scratch.fine_colors);
             self.average(rows, coarse, fine, scratch, k);
             renormalise(self.kind, self.image.depth(), self.image.channels as usize, &mut scratch.colors);
         }
@@ -292,15 +300,8 @@ impl<'a> Output<'a> {
     }
 
     /// Expresses normals and heights on the target.
-    fn rebase(
-        &self,
-        rebase: Option<&Rebase<'_>>,
-        window: &Window<'_>,
-        rows: &std::ops::Range<usize>,
-        footprints: &[Footprint],
-        colors: &mut [f32],
-    ) {
-        let Some(rebase) = rebase else { return };
+    fn rebase(&self, window: &Window<'_>, rows: &std::ops::Range<usize>, footprints: &[Footprint], colors: &mut [f32]) {
+        let Some(rebase) = self.rebase else { return };
         let depths: Vec<Depth> = self.chains.iter().map(MipChain::depth).collect();
         let samples = Samples {
             kind: self.kind,

@@ -70,9 +70,9 @@ impl<'a> Layer<'a> {
                 "Give a picture with red, green and blue, or --kind displacement for heights",
             ));
         }
-        let format = |i: &&Image| (i.channels, i.depth());
+        let format = |i: &Image| (i.channels, i.depth());
         let labels = self.kind == LayerKind::Labels;
-        if labels && self.images.iter().any(|i| format(&i) != format(&self.images[0])) {
+        if labels && self.images.iter().any(|i| format(i) != format(self.images[0])) {
             return Err(Error::input(
                 format!("layer {}: label pictures of different channels or depths", self.name),
                 "Labels would change their numbers: save all of them in one format",

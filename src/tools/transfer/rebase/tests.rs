@@ -138,8 +138,7 @@ fn the_identity_keeps_every_byte() {
         let mut gentle = object.clone();
         for (i, t) in points.iter().enumerate().filter(|(_, t)| t.is_covered()) {
             let p = t.point().unpack();
-            let n =
-                (outward.normal(p.face, p.barycentric) + 0.3 * DVec3::from(waves(DVec2::splat(i as f64)))).normalize();
+            let n = (outward.normal(p.face, p.barycentric) + 0.3 * waves(DVec2::splat(i as f64))).normalize();
             let at = (i as u32 % SIZE, i as u32 / SIZE);
             (0..3).for_each(|c| gentle.set(at.0, at.1, c, (0.5 * n[c as usize] + 0.5) as f32));
         }
