@@ -12,6 +12,7 @@ pub mod polygon;
 pub mod sampling;
 pub mod simplify;
 pub mod surface_point;
+pub mod tangent_frames;
 pub mod topology;
 
 pub use closest::ClosestPoints;

@@ -6,6 +6,7 @@
 
 pub mod anchors;
 mod assemble;
+pub mod attribute_table;
 pub mod cache;
 pub mod cage;
 pub mod geojson;

@@ -1,8 +1,10 @@
 //! The command line end to end: the built program on small meshes written for each test, and on the bad files of `BARYMAP_DATA`.
 
 mod animate;
+mod attributes;
 mod deform;
 mod faults;
+mod kinds;
 mod machine;
 mod morph;
 mod pairs;

@@ -11,10 +11,13 @@ use super::exact::copy_coinciding;
 use super::fill::{Fill, Holes, fill};
 use super::footprint::Footprint;
 use super::gpu::{DeviceTexture, Sampler, Stages};
+use super::kind::LayerKind;
 use super::layer::{Layer, blank, copy_padding, store};
 use super::mip::MipChain;
+use super::nearest::nearest_texels;
 use super::pad::pad_seams;
 use super::plan::{Plan, fixed};
+use super::rebase::{Rebase, Samples, renormalise};
 use super::sample::{SampleParams, sample_texture};
 use super::seams::seam_pairs;
 use super::tables::{source_triangles, target_triangles};
@@ -90,7 +93,10 @@ pub fn transfer_on(
     let mut coarse = grid(1)?;
     let mut fine = if options.supersample > 1 { Some(grid(options.supersample)?) } else { None };
     watch.lap("prepare");
-    let mut outputs = layers.iter().map(|l| Output::new(l, source, options)).collect::<Result<Vec<_>>>()?;
+    let rebase = Rebase::for_kinds(layers.iter().map(|l| l.kind), source, target, map)?;
+    watch.lap("frames");
+    let mut outputs =
+        layers.iter().map(|l| Output::new(l, source, options, rebase.as_ref())).collect::<Result<Vec<_>>>()?;
     let mut sampler = stages.sampler(|s| outputs.iter_mut().try_for_each(|o| o.upload(s, options)))?;
     if sampler.is_none() {
         outputs.iter_mut().for_each(|o| o.device.clear());
@@ -144,6 +150,7 @@ pub fn transfer_on(
         missing_texcoords: atlas.missing,
         degenerate_texcoords: atlas.degenerate,
         mirrored_texcoords: atlas.mirrored,
+        size_ratio: rebase.as_ref().map(Rebase::size_ratio),
         memory: stats_memory,
         bands,
         ..tally.stats()
@@ -221,7 +228,10 @@ fn fill_holes(
     for output in outputs {
         let holes = std::mem::take(&mut output.holes);
         let encoding = output.chains[0].encoding;
-        filled.append(&mut fill(&mut output.image, &holes, covers, &seams, options.fill, encoding));
+        let how = if output.kind == LayerKind::Labels { Fill::Nearest } else { options.fill };
+        let (kind, depth, channels) = (output.kind, output.image.depth(), output.image.channels as usize);
+        let finish = |color: &mut [f32]| renormalise(kind, depth, channels, color);
+        filled.append(&mut fill(&mut output.image, &holes, covers, &seams, how, encoding, finish));
     }
     filled.sort_unstable();
     filled.dedup();
@@ -284,25 +294,36 @@ struct Output<'a> {
     image: Image,
     /// Where there is no colour, if that is to be filled.
     holes: Holes,
+    kind: LayerKind,
+    /// What carries normals and heights to the target, if some layer holds them.
+    rebase: Option<&'a Rebase<'a>>,
 }
 
 impl<'a> Output<'a> {
-    fn new(layer: &Layer<'a>, source: &Mesh, options: &TransferOptions) -> Result<Self> {
+    fn new(
+        layer: &Layer<'a>,
+        source: &Mesh,
+        options: &TransferOptions,
+        rebase: Option<&'a Rebase<'a>>,
+    ) -> Result<Self> {
         let (channels, depth) = layer.output_format(options.background);
-        let mut chains = layer.images.iter().map(|i| MipChain::new(i, layer.encoding)).collect::<Result<Vec<_>>>()?;
+        let mut chains = layer.images.iter().map(|i| layer.chain(i)).collect::<Result<Vec<_>>>()?;
         chains.iter_mut().for_each(|c| c.repeats = layer.face_texture.is_none());
         Ok(Self {
             chains,
+            holes: Holes::default(),
             device: Vec::new(),
             texture_of: layer.texture_of(source),
             image: blank(options.width, options.height, channels, depth, options.background)?,
-            holes: Holes::default(),
+            kind: layer.kind,
+            rebase,
         })
     }
 
     /// Brings the chains to the device that samples.
     fn upload(&mut self, sampler: &Sampler<'_>, options: &TransferOptions) -> Result<()> {
-        for chain in &self.chains {
+        // Labels are looked up, not sampled.
+        for chain in self.chains.iter().filter(|_| self.kind != LayerKind::Labels) {
             self.device.push(sampler.texture(chain, options.filter, options.taps)?);
         }
         Ok(())
@@ -320,6 +341,11 @@ impl<'a> Output<'a> {
         colors.clear();
         colors.resize(footprints.len() * channels as usize, 0.0);
         for (texture, chain) in self.chains.iter().enumerate() {
+            if self.kind == LayerKind::Labels {
+                let texture = texture as u32;
+                nearest_texels(chain.image, texture, channels as usize, &self.texture_of, footprints, colors);
+                continue;
+            }
             let params = SampleParams { filter: options.filter, taps: options.taps, channels, texture: texture as u32 };
             match (&mut sampler, self.device.get(texture)) {
                 (Some(s), Some(device)) => s.sample(device, chain, &params, &self.texture_of, footprints, colors)?,
@@ -340,20 +366,40 @@ impl<'a> Output<'a> {
         mut sampler: Option<&mut Sampler<'_>>,
     ) -> Result<()> {
         self.colors(&scratch.footprints, options, &mut scratch.colors, sampler.as_deref_mut())?;
-        if let Some(fine) = fine {
+        self.rebase(coarse, rows, &scratch.footprints, &mut scratch.colors);
+        if let Some(fine) = fine.filter(|_| self.kind != LayerKind::Labels) {
+            let k = options.supersample as usize;
             self.colors(&scratch.fine_footprints, options, &mut scratch.fine_colors, sampler)?;
-            self.average(rows, coarse, fine, scratch, options.supersample as usize);
+            let fine_rows = rows.start * k..rows.end * k;
+            self.rebase(fine, &fine_rows, &scratch.fine_footprints, &mut scratch.fine_colors);
+            self.average(rows, coarse, fine, scratch, k);
+            renormalise(self.kind, self.image.depth(), self.image.channels as usize, &mut scratch.colors);
         }
         let encoding = self.chains[0].encoding;
         let first = rows.start * coarse.width;
         store(&mut self.image, first, encoding, &self.texture_of, &scratch.footprints, &scratch.colors);
-        if fine.is_none() {
+        // What is expressed on the target is not the source's texel.
+        if fine.is_none() && matches!(self.kind, LayerKind::Color | LayerKind::Labels) {
             for (texture, chain) in self.chains.iter().enumerate() {
                 let (texture_of, footprints) = (&self.texture_of, &scratch.footprints);
                 copy_coinciding(&mut self.image, first, chain, texture as u32, texture_of, footprints);
             }
         }
         Ok(())
+    }
+
+    /// Expresses normals and heights on the target.
+    fn rebase(&self, window: &Window<'_>, rows: &std::ops::Range<usize>, footprints: &[Footprint], colors: &mut [f32]) {
+        let Some(rebase) = self.rebase else { return };
+        let depths: Vec<Depth> = self.chains.iter().map(MipChain::depth).collect();
+        let samples = Samples {
+            kind: self.kind,
+            depths: &depths,
+            depth: self.image.depth(),
+            channels: self.image.channels as usize,
+            texture_of: &self.texture_of,
+        };
+        rebase.apply(&samples, window, rows, footprints, colors);
     }
 
     /// Replaces the colour of each texel by the mean of its samples whose centres lie in the same chart, if there are any.

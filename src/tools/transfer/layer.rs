@@ -5,7 +5,8 @@ use rayon::prelude::*;
 use super::Background;
 use super::color::Sample;
 use super::footprint::Footprint;
-use super::mip::{Alpha, Encoding};
+use super::kind::LayerKind;
+use super::mip::{Alpha, Encoding, MipChain};
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, NONE};
 use crate::raster::{Depth, Image, Pixels};
@@ -24,8 +25,10 @@ pub struct Layer<'a> {
     /// Picture of each triangle of the source, [`NONE`] for one without, where materials do not decide it: tiles of UDIM textures. These
     /// pictures end at their borders, the others repeat.
     pub face_texture: Option<Vec<u32>>,
-    /// How samples are averaged.
+    /// How samples are averaged, if they are colours.
     pub encoding: Encoding,
+    /// What samples mean.
+    pub kind: LayerKind,
 }
 
 impl<'a> Layer<'a> {
@@ -38,6 +41,7 @@ impl<'a> Layer<'a> {
             default_texture: 0,
             face_texture: None,
             encoding: Encoding::default(),
+            kind: LayerKind::default(),
         }
     }
 
@@ -52,6 +56,7 @@ impl<'a> Layer<'a> {
         for (i, image) in self.images.iter().enumerate() {
             image.check(&format!("layer {}, picture {i}", self.name))?;
         }
+        self.check_kind()?;
         let count = self.images.len();
         let named =
             self.material_texture.iter().chain(self.face_texture.iter().flatten()).chain([&self.default_texture]);
@@ -65,6 +70,42 @@ impl<'a> Layer<'a> {
                 "Give an index below the number of its pictures",
             )),
             None => Ok(()),
+        }
+    }
+
+    /// Whether the pictures can be what the kind says.
+    fn check_kind(&self) -> Result<()> {
+        let normals = matches!(self.kind, LayerKind::TangentNormal { .. } | LayerKind::ObjectNormal { .. });
+        if let Some(i) = self.images.iter().position(|i| normals && i.channels < 3) {
+            return Err(Error::input(
+                format!("layer {}, picture {i}: a normal map of {} channels", self.name, self.images[i].channels),
+                "Give a picture with red, green and blue, or --kind displacement for heights",
+            ));
+        }
+        let format = |i: &Image| (i.channels, i.depth());
+        let labels = self.kind == LayerKind::Labels;
+        if labels && self.images.iter().any(|i| format(i) != format(self.images[0])) {
+            return Err(Error::input(
+                format!("layer {}: label pictures of different channels or depths", self.name),
+                "Labels would change their numbers: save all of them in one format",
+            ));
+        }
+        Ok(())
+    }
+
+    /// How samples are read: what is no colour is neither light nor weighted by alpha.
+    fn reading(&self) -> Encoding {
+        match self.kind {
+            LayerKind::Color => self.encoding,
+            _ => Encoding { linear_light: false, alpha: Alpha::Data },
+        }
+    }
+
+    /// The mip chain of a picture; labels have none.
+    pub(super) fn chain(&self, image: &'a Image) -> Result<MipChain<'a>> {
+        match self.kind {
+            LayerKind::Labels => Ok(MipChain { image, encoding: self.reading(), levels: Vec::new(), repeats: true }),
+            _ => MipChain::new(image, self.reading()),
         }
     }
 

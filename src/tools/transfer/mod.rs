@@ -24,14 +24,19 @@ mod coordinates;
 mod driver;
 mod exact;
 mod fill;
+mod kind;
 mod layer;
+mod nearest;
+mod normal_code;
 mod plan;
+mod rebase;
 mod tally;
 
 pub use crate::tools::stopwatch::StageTime;
 pub use bins::UvRegion;
 pub use driver::{transfer, transfer_on};
 pub use fill::Fill;
+pub use kind::{LayerKind, NormalY, Relief};
 pub use layer::Layer;
 pub use mip::{Alpha, Encoding};
 pub use plan::memory_needed;
@@ -169,6 +174,9 @@ pub struct TransferStats {
     pub degenerate_texcoords: u64,
     /// Triangles of the target that are clockwise in texture coordinates.
     pub mirrored_texcoords: u64,
+    /// Length on the target per length on the source, over all, where normals or heights were carried: the strength of a displacement map is
+    /// to be multiplied by it.
+    pub size_ratio: Option<f64>,
     /// Bytes planned for, at most the limit.
     pub memory: u64,
     /// Bands of rows the result was made in.

@@ -4,7 +4,7 @@ use super::bins::Atlas;
 use super::gpu::Stages;
 use super::mip::MipChain;
 use super::tables::{SourceTriangle, TargetTriangle};
-use super::{Layer, TransferOptions};
+use super::{Layer, TransferOptions, rebase};
 use crate::error::{Error, Result};
 use crate::geometry::Mesh;
 
@@ -44,6 +44,9 @@ pub(super) fn fixed(source: &Mesh, layers: &[Layer<'_>], target: &Mesh, options:
     bytes += s * size_of::<SourceTriangle>() as u64 + grids * t * size_of::<TargetTriangle>() as u64;
     // Triangles in the texture, once each; repeats come out of what is left.
     bytes += grids * t * Atlas::RECORD as u64;
+    if layers.iter().any(|l| rebase::needs_frames(l.kind)) {
+        bytes += rebase::bytes(source, target);
+    }
     bytes + 3 * s.max(t) * CHART_CORNER
 }
 

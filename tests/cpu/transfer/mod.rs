@@ -3,6 +3,7 @@
 mod atlas;
 mod cases;
 mod filter;
+mod kinds;
 mod pictures;
 mod real;
 mod seams;

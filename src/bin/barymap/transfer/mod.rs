@@ -17,6 +17,7 @@ use clap::ValueEnum;
 use serde_json::json;
 
 use crate::common::{Common, EmbeddingArguments, Session, Surface, anchor_pairs, check_outputs, size, usage};
+use crate::layer_kinds::LayerKinds;
 use crate::method::{MethodName, prepare};
 use model::{Skin, SourceLook};
 use pictures::{Names, Writer};
@@ -46,6 +47,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_enum, default_value = "transport")]
     method: MethodName,
     #[command(flatten)]
+    kinds: LayerKinds,
+    #[command(flatten)]
     look: Look,
     #[command(flatten)]
     embedding: EmbeddingArguments,
@@ -63,7 +66,8 @@ pub(crate) struct Look {
     /// Write what is covered: 0 nothing, 64 padding, 128 doubtful or filled, 255 valid
     #[arg(long)]
     pub(crate) coverage: Option<String>,
-    /// What parts of charts get that the map leaves without colour: nothing, averages of what is around, or a smooth surface through it
+    /// What parts of charts get that the map leaves without colour: nothing, averages of
+    /// what is around, a smooth surface through it, or the nearest colour (labels always)
     #[arg(long, value_enum, default_value = "none")]
     pub(crate) fill: FillName,
     /// Fill texels that the map does not vouch for, too
@@ -100,6 +104,7 @@ pub(crate) enum FillName {
     None,
     PullPush,
     Smooth,
+    Nearest,
 }
 
 impl Look {
@@ -108,6 +113,7 @@ impl Look {
             FillName::None => Fill::None,
             FillName::PullPush => Fill::PullPush,
             FillName::Smooth => Fill::Smooth,
+            FillName::Nearest => Fill::Nearest,
         }
     }
 
@@ -166,8 +172,11 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let mut session = Session::start(common)?;
     let (mut source, mut target) = (session.mesh(&arguments.source)?, session.mesh(&arguments.target)?);
     let all_roles = arguments.output.is_empty() || arguments.output.iter().any(|o| TextureName::new(o).has_role());
-    let layers = textures::textures(&arguments.texture, all_roles, &source, &session)?;
+    let mut layers = textures::textures(&arguments.texture, all_roles, &source, &session)?;
     let outputs = layer_names(&arguments.output, &layers)?;
+    let roles: Vec<&str> = layers.iter().map(|l| l.role.as_str()).collect();
+    let kinds = arguments.kinds.of(&roles)?;
+    layers.iter_mut().zip(kinds).for_each(|(layer, kind)| layer.kind = kind);
     session.watch.lap("read");
     let anchors = anchor_pairs(&arguments.anchors, &source, &target, &session)?;
     require_texcoords(&source)?;
@@ -310,6 +319,7 @@ impl Job<'_> {
             "nanoseconds_per_texel": per_texel,
             "memory": s.memory,
             "bands": s.bands,
+            "size_ratio": s.size_ratio,
             "roles": roles,
             "files": files,
             "device_stages": s.device_stages,
@@ -327,6 +337,7 @@ impl Job<'_> {
             material_texture: textures.material_texture.clone(),
             default_texture: textures.default_texture,
             face_texture: textures.face_texture.clone(),
+            kind: textures.kind,
             encoding: Encoding { linear_light: self.look.linear_light, ..Encoding::default() },
         }
     }

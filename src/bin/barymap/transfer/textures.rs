@@ -7,7 +7,7 @@ use barymap::geometry::material::{BASE_COLOR, ROLES, TextureContent};
 use barymap::geometry::{Mesh, NONE};
 use barymap::io::TextureName;
 use barymap::raster::Image;
-use barymap::tools::transfer::{TilesUsed, UvTile};
+use barymap::tools::transfer::{LayerKind, TilesUsed, UvTile};
 use barymap::{Error, Result};
 
 use crate::common::{Session, Surface, usage};
@@ -22,6 +22,7 @@ pub(crate) struct Textures {
     pub(crate) default_texture: u32,
     /// Picture of each triangle, where tiles decide it.
     pub(crate) face_texture: Option<Vec<u32>>,
+    pub(crate) kind: LayerKind,
 }
 
 impl Textures {
@@ -32,6 +33,7 @@ impl Textures {
             material_texture: vec![NONE; source.materials.len()],
             default_texture: NONE,
             face_texture: None,
+            kind: LayerKind::Color,
         }
     }
 
@@ -43,6 +45,7 @@ impl Textures {
             material_texture: Vec::new(),
             default_texture: 0,
             face_texture: None,
+            kind: LayerKind::Color,
         }
     }
 

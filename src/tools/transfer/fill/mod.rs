@@ -2,6 +2,7 @@
 
 mod graph;
 mod holes;
+mod nearest;
 mod pyramid;
 mod smooth;
 
@@ -10,6 +11,7 @@ use rayon::prelude::*;
 use super::color::Sample;
 use super::mip::Encoding;
 use super::seams::SeamPair;
+use crate::geometry::NONE;
 use crate::raster::{Image, Pixels};
 
 use graph::Graph;
@@ -26,6 +28,8 @@ pub enum Fill {
     PullPush,
     /// The harmonic function with the colours around as boundary values: no bump inside, no step at the border.
     Smooth,
+    /// The nearest colour, counted in steps from texel to texel. Labels, which do not mix, get it whatever is asked for.
+    Nearest,
 }
 
 impl Fill {
@@ -33,7 +37,7 @@ impl Fill {
     pub(super) fn bytes(self) -> u64 {
         match self {
             Self::None => 0,
-            Self::PullPush => 260,
+            Self::PullPush | Self::Nearest => 260,
             Self::Smooth => 640,
         }
     }
@@ -42,7 +46,7 @@ impl Fill {
 /// Fills the holes of a picture and returns the texels that got a colour. Holes that border on nothing stay as they are.
 ///
 /// Texels are neighbours along rows and columns of a chart, and across `seams`. Colours are mixed decoded and weighted by opacity, as
-/// filters do. O(n log n) for n texels of holes.
+/// filters do; `finish` gets all of them before they are stored. O(n log n) for n texels of holes.
 pub(super) fn fill(
     image: &mut Image,
     holes: &Holes,
@@ -50,12 +54,16 @@ pub(super) fn fill(
     seams: &[SeamPair],
     how: Fill,
     encoding: Encoding,
+    finish: impl FnOnce(&mut [f32]),
 ) -> Vec<u32> {
     if how == Fill::None || holes.is_empty() {
         return Vec::new();
     }
     let graph = Graph::new(holes, covers, seams, image.width);
     let channels = image.channels as usize;
+    if how == Fill::Nearest {
+        return copy_nearest(image, &graph);
+    }
     // Known texels beside the holes, decoded once; a plane per channel.
     let mut planes = vec![vec![0.0_f64; graph.known.len()]; channels];
     for (k, &texel) in graph.known.iter().enumerate() {
@@ -75,18 +83,35 @@ pub(super) fn fill(
     };
     let solved: Vec<(Vec<f64>, Vec<bool>)> = planes.par_iter().map(solve).collect();
     let mut written = Vec::new();
-    for (u, &texel) in graph.unknown.iter().enumerate() {
-        if !solved[0].1[u] {
-            continue;
-        }
-        let mut color = [0.0_f32; 4];
-        for (c, (values, _)) in color.iter_mut().zip(&solved) {
-            *c = values[u] as f32;
-        }
-        encode(image, texel as usize, encoding, &color[..channels]);
+    let mut colors = Vec::new();
+    for (u, &texel) in graph.unknown.iter().enumerate().filter(|(u, _)| solved[0].1[*u]) {
         written.push(texel);
+        colors.extend(solved.iter().map(|(values, _)| values[u] as f32));
+    }
+    finish(&mut colors);
+    for (&texel, color) in written.iter().zip(colors.chunks_exact(channels)) {
+        encode(image, texel as usize, encoding, color);
     }
     written
+}
+
+/// Copies samples as they are.
+fn copy_nearest(image: &mut Image, graph: &Graph) -> Vec<u32> {
+    fn run<T: Copy>(samples: &mut [T], channels: usize, copies: &[(u32, u32)]) {
+        for &(to, from) in copies {
+            let from = from as usize * channels;
+            samples.copy_within(from..from + channels, to as usize * channels);
+        }
+    }
+    let from = nearest::nearest(graph);
+    let copies: Vec<(u32, u32)> = graph.unknown.iter().copied().zip(from).filter(|c| c.1 != NONE).collect();
+    let channels = image.channels as usize;
+    match &mut image.pixels {
+        Pixels::U8(v) => run(v, channels, &copies),
+        Pixels::U16(v) => run(v, channels, &copies),
+        Pixels::F32(v) => run(v, channels, &copies),
+    }
+    copies.into_iter().map(|c| c.0).collect()
 }
 
 /// A texel's colour, light if the layer averages light, weighted by opacity.

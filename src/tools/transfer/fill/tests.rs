@@ -33,7 +33,7 @@ fn scene(
 impl Scene {
     fn filled(&self, how: Fill, seams: &[SeamPair]) -> (Image, Vec<u32>) {
         let mut image = self.image.clone();
-        let written = fill(&mut image, &self.holes, &self.covers, seams, how, DATA);
+        let written = fill(&mut image, &self.holes, &self.covers, seams, how, DATA, |_| {});
         (image, written)
     }
 }
@@ -73,7 +73,7 @@ fn charts_do_not_mix_but_across_their_seams() {
     let value = |x: u32, _: u32| if x < 16 { 0.0 } else { 1.0 };
     let hole = |x: u32, y: u32| (16..24).contains(&x) && (8..24).contains(&y);
     let s = scene(32, value, |x, _| u32::from(x >= 16), hole);
-    for how in [Fill::PullPush, Fill::Smooth] {
+    for how in [Fill::PullPush, Fill::Smooth, Fill::Nearest] {
         let (image, _) = s.filled(how, &[]);
         assert!(worst(&image, value) < 1e-6, "{how:?}");
         // On the surface the hole's left side borders on the far left column.
@@ -90,7 +90,7 @@ fn charts_do_not_mix_but_across_their_seams() {
 fn a_chart_without_any_colour_gets_it_across_seams_or_stays_empty() {
     let value = |x: u32, _: u32| if x < 8 { 0.25 } else { 0.0 };
     let s = scene(16, value, |x, _| x / 4, |x, _| x >= 8);
-    for how in [Fill::PullPush, Fill::Smooth] {
+    for how in [Fill::PullPush, Fill::Smooth, Fill::Nearest] {
         assert_eq!(s.filled(how, &[]).1.len(), 0, "nothing around them has a colour");
         // The first chart borders on the third, that on the fourth.
         let seam = [SeamPair { texels: [0, 8], charts: [0, 2] }, SeamPair { texels: [11, 12], charts: [2, 3] }];
@@ -138,4 +138,15 @@ fn infinite_and_missing_numbers_do_no_harm() {
         );
         assert_eq!(s.filled(Fill::Smooth, &[]).1.len(), 16);
     }
+}
+
+#[test]
+fn nearest_copies_and_never_mixes() {
+    let value = |x: u32, _: u32| if x < 20 { 3.0 } else { 7.0 };
+    let s = scene(64, value, |_, _| 0, ragged);
+    let (image, written) = s.filled(Fill::Nearest, &[]);
+    assert_eq!(written.len(), s.holes.texels.iter().filter(|t| t.hole).count());
+    assert!((0..64 * 64).all(|i| [3.0, 7.0].contains(&image.get(i % 64, i / 64, 0))));
+    let mixed = s.filled(Fill::Smooth, &[]).0;
+    assert!(!(0..64 * 64).all(|i| [3.0, 7.0].contains(&mixed.get(i % 64, i / 64, 0))), "the comparison sees mixtures");
 }
