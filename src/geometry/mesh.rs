@@ -2,6 +2,8 @@
 
 use glam::{DVec2, DVec3};
 
+use super::material::Material;
+
 /// Marks a missing index (no texture coordinate, no neighbour).
 pub const NONE: u32 = u32::MAX;
 
@@ -14,26 +16,6 @@ pub struct Corner {
     pub texcoord: u32,
     /// 0-based normal or [`NONE`].
     pub normal: u32,
-}
-
-/// A material by name, with the texture it refers to.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Material {
-    /// Name in the file.
-    pub name: String,
-    /// The base colour texture, as a path that can be opened (already joined with the material file's folder).
-    pub base_color_texture: Option<std::path::PathBuf>,
-    /// The base colour texture as the bytes of an image file, where the mesh file holds it itself (GLB).
-    pub embedded_texture: Option<std::sync::Arc<[u8]>>,
-    /// Base colour factor, RGBA, linear as stored.
-    pub base_color: [f32; 4],
-}
-
-impl Default for Material {
-    /// White, opaque, without a name or texture.
-    fn default() -> Self {
-        Self { name: String::new(), base_color_texture: None, embedded_texture: None, base_color: [1.0; 4] }
-    }
 }
 
 /// A polygon mesh with texture coordinates, groups and materials in file order, and its triangles.

@@ -29,8 +29,8 @@ fn strip(n: u32) -> Mesh {
 fn materials() -> [GlbMaterial; 2] {
     let png = encode_png(&Image::zeros(3, 2, 3, Depth::U8).unwrap()).unwrap();
     [
-        GlbMaterial { name: "a".into(), base_color: [1.0; 4], texture: Some(png) },
-        GlbMaterial { name: "b".into(), base_color: [0.5, 0.25, 0.0, 1.0], texture: None },
+        GlbMaterial { name: "a".into(), base_color: [1.0; 4], texture: Some(png.into()), ..GlbMaterial::default() },
+        GlbMaterial { name: "b".into(), base_color: [0.5, 0.25, 0.0, 1.0], ..GlbMaterial::default() },
     ]
 }
 

@@ -70,6 +70,13 @@ pub(crate) struct Primitive {
 pub(crate) struct MaterialData {
     pub(crate) name: Option<String>,
     pub(crate) pbr_metallic_roughness: Option<Pbr>,
+    pub(crate) normal_texture: Option<TextureUse>,
+    pub(crate) occlusion_texture: Option<TextureUse>,
+    pub(crate) emissive_texture: Option<TextureUse>,
+    pub(crate) emissive_factor: Option<[f32; 3]>,
+    pub(crate) alpha_mode: Option<String>,
+    pub(crate) alpha_cutoff: Option<f32>,
+    pub(crate) double_sided: bool,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -77,6 +84,9 @@ pub(crate) struct MaterialData {
 pub(crate) struct Pbr {
     pub(crate) base_color_factor: Option<[f32; 4]>,
     pub(crate) base_color_texture: Option<TextureUse>,
+    pub(crate) metallic_factor: Option<f32>,
+    pub(crate) roughness_factor: Option<f32>,
+    pub(crate) metallic_roughness_texture: Option<TextureUse>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -84,6 +94,10 @@ pub(crate) struct Pbr {
 pub(crate) struct TextureUse {
     pub(crate) index: usize,
     pub(crate) tex_coord: usize,
+    /// Of normals.
+    pub(crate) scale: Option<f32>,
+    /// Of occlusion.
+    pub(crate) strength: Option<f32>,
     pub(crate) extensions: HashMap<String, Value>,
 }
 

@@ -5,19 +5,18 @@
 //! coordinate. A vertex index counts the vertices that remain, in file order of their first occurrence. Texture coordinates are turned to the OBJ
 //! convention (v = 1 is the top of the picture).
 
-use std::collections::HashSet;
-use std::collections::hash_map::{Entry, HashMap};
+use std::collections::{HashMap, HashSet};
 use std::path::Path;
-use std::sync::Arc;
 
 use glam::{DMat4, DQuat, DVec2, DVec3};
 
 use super::LoadedMesh;
 use super::assemble::{self, TexcoordPool};
 use super::gltf_document::{Document, MeshData, Node, Primitive, TextureUse};
+use super::gltf_materials;
 use super::source::{self, Notes};
 use crate::Result;
-use crate::geometry::{Corner, Material, MeshBuilder, NONE};
+use crate::geometry::{Corner, MeshBuilder, NONE};
 
 /// Reads a `.gltf` or `.glb` file with its buffers. O(file size) time and memory.
 ///
@@ -42,7 +41,7 @@ pub fn parse_gltf(bytes: &[u8], path: &Path) -> Result<LoadedMesh> {
         notes: Notes::default(),
         file_vertices: 0,
     };
-    scene.materials()?;
+    scene.builder.mesh.materials = gltf_materials::read(&document, &mut scene.notes)?;
     for (node, transform) in scene.placed_meshes()? {
         scene.mesh(node, transform)?;
     }
@@ -67,39 +66,6 @@ struct SceneReader<'a> {
 type Placed<'a> = ((String, &'a MeshData), DMat4);
 
 impl<'a> SceneReader<'a> {
-    fn materials(&mut self) -> Result<()> {
-        let mut images: HashMap<usize, Option<Arc<[u8]>>> = HashMap::new();
-        for (k, data) in self.document.root.materials.iter().enumerate() {
-            let name = data.name.clone().unwrap_or_else(|| format!("material{k}"));
-            let mut material = Material { name, ..Material::default() };
-            let pbr = data.pbr_metallic_roughness.as_ref();
-            material.base_color = pbr.and_then(|p| p.base_color_factor).unwrap_or([1.0; 4]);
-            if let Some(texture) = pbr.and_then(|p| p.base_color_texture.as_ref()) {
-                let image = self.document.root.textures.get(texture.index).and_then(|t| t.source);
-                match image {
-                    Some(image) => {
-                        material.embedded_texture = match images.entry(image) {
-                            Entry::Occupied(known) => known.get().clone(),
-                            Entry::Vacant(new) => new.insert(self.document.embedded_image(image)?).clone(),
-                        };
-                        if let (None, Some(uri)) = (&material.embedded_texture, &self.document.root.images[image].uri) {
-                            let file = self.document.file(uri)?;
-                            if !file.is_file() {
-                                self.notes.say(format!("the texture {} does not exist", file.display()));
-                            }
-                            material.base_color_texture = Some(file);
-                        }
-                    }
-                    None => self
-                        .notes
-                        .say(format!("material {:?}: its texture is stored in a way that is not read", material.name)),
-                }
-            }
-            self.builder.mesh.materials.push(material);
-        }
-        Ok(())
-    }
-
     /// The meshes of the default scene in depth-first order.
     fn placed_meshes(&mut self) -> Result<Vec<Placed<'a>>> {
         let root = &self.document.root;

@@ -2,12 +2,14 @@
 
 use std::collections::HashMap;
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 use serde_json::{Value, json};
 
 use super::output;
-use crate::geometry::{Mesh, NONE};
+use crate::geometry::material::{AlphaMode, BASE_COLOR, Look, TextureContent};
+use crate::geometry::{Material, Mesh, NONE};
 use crate::{Error, Result};
 
 /// The look of a part of a model.
@@ -18,7 +20,12 @@ pub struct GlbMaterial {
     /// Base colour factor, RGBA, linear; multiplied with the texture.
     pub base_color: [f32; 4],
     /// Base colour texture as the bytes of a PNG or JPEG file.
-    pub texture: Option<Vec<u8>>,
+    pub texture: Option<Arc<[u8]>>,
+    /// Textures in other roles: `metallic_roughness`, `normal`, `occlusion` or `emissive`, as the bytes of a PNG or JPEG file. Textures that
+    /// several materials share are written once.
+    pub textures: Vec<(String, Arc<[u8]>)>,
+    /// Factors, and how opacity is used.
+    pub look: Look,
 }
 
 /// Writes `mesh` as a binary glTF 2.0 file with computed smooth normals.
@@ -33,28 +40,46 @@ pub fn write_glb(path: impl AsRef<Path>, mesh: &Mesh, materials: &[GlbMaterial])
     output::write_bytes(path, &glb_bytes(mesh, materials)?)
 }
 
-/// The materials that `mesh` itself names, with their textures read: PNG and JPEG files as they are, others as PNG.
+/// [`glb_bytes`] where `material_of` names the entry of `materials` for each triangle, whatever the mesh's own are; triangles whose entry is beyond the
+/// list use the first.
+///
+/// # Errors
+/// As [`write_glb`].
+pub fn glb_with_materials(mesh: &Mesh, materials: &[GlbMaterial], material_of: &[u32]) -> Result<Vec<u8>> {
+    let of = |t: usize| material_of.get(t).copied().unwrap_or(NONE);
+    glb_of(mesh, materials, of, |_, _| Ok(Vec::new()), |_, _| {})
+}
+
+/// The materials that `mesh` itself names, with the textures that the format has a place for: PNG and JPEG files as they are, others as PNG.
 ///
 /// # Errors
 /// As [`super::read_image`].
 pub fn own_materials(mesh: &Mesh) -> Result<Vec<GlbMaterial>> {
-    let bytes = |material: &crate::geometry::Material| -> Result<Option<Vec<u8>>> {
-        let fits = |b: &[u8]| b.starts_with(&[0xff, 0xd8]) || b.starts_with(b"\x89PNG");
-        let (content, name) = match (&material.embedded_texture, &material.base_color_texture) {
-            (Some(bytes), _) => (bytes.to_vec(), mesh.name.clone()),
-            (None, Some(path)) => (super::source::read_all(path)?, path.display().to_string()),
-            (None, None) => return Ok(None),
+    let bytes = |content: TextureContent| -> Result<Arc<[u8]>> {
+        let (content, name): (Arc<[u8]>, _) = match content {
+            TextureContent::Embedded(bytes) => (bytes, mesh.name.clone()),
+            TextureContent::File(path) => (super::source::read_all(&path)?.into(), path.display().to_string()),
         };
-        if fits(&content) {
-            return Ok(Some(content));
+        if content.starts_with(&[0xff, 0xd8]) || content.starts_with(b"\x89PNG") {
+            return Ok(content);
         }
-        super::image_file::encode_png(&super::image_file::decode_image(&content, &name)?).map(Some)
+        Ok(super::image_file::encode_png(&super::image_file::decode_image(&content, &name)?)?.into())
     };
-    let look = |m: &crate::geometry::Material| {
-        Ok(GlbMaterial { name: m.name.clone(), base_color: m.base_color, texture: bytes(m)? })
+    let material = |m: &Material| {
+        let others = m.textures.iter().filter(|t| ROLES.contains(&t.role.as_str()));
+        Ok(GlbMaterial {
+            name: m.name.clone(),
+            base_color: m.base_color,
+            texture: m.texture(BASE_COLOR).map(bytes).transpose()?,
+            textures: others.map(|t| Ok((t.role.clone(), bytes(t.content.clone())?))).collect::<Result<_>>()?,
+            look: Look { double_sided: true, ..m.look },
+        })
     };
-    mesh.materials.iter().map(look).collect()
+    mesh.materials.iter().map(material).collect()
 }
+
+/// The roles beside the base colour that glTF has a place for.
+const ROLES: [&str; 4] = ["metallic_roughness", "normal", "occlusion", "emissive"];
 
 /// The bytes [`write_glb`] writes.
 ///
@@ -71,12 +96,22 @@ pub(super) fn glb_with(
     targets: impl Fn(&Split, &mut Parts) -> Result<Vec<Value>>,
     finish: impl FnOnce(&mut Value, &mut Parts),
 ) -> Result<Vec<u8>> {
+    glb_of(mesh, materials, |t| mesh.triangle_material(t), targets, finish)
+}
+
+fn glb_of(
+    mesh: &Mesh,
+    materials: &[GlbMaterial],
+    material_of: impl Fn(usize) -> u32,
+    targets: impl Fn(&Split, &mut Parts) -> Result<Vec<Value>>,
+    finish: impl FnOnce(&mut Value, &mut Parts),
+) -> Result<Vec<u8>> {
     let mut out = Parts::default();
     let normals = vertex_normals(mesh, &mesh.positions);
     let mut primitives = Vec::new();
     for k in 0..materials.len().max(1) {
         let wanted = |t: usize| {
-            let m = mesh.triangle_material(t);
+            let m = material_of(t);
             let m = if m == NONE || m as usize >= materials.len() { 0 } else { m as usize };
             m == k
         };
@@ -97,18 +132,8 @@ pub(super) fn glb_with(
     if primitives.is_empty() {
         return Err(Error::mesh(&mesh.name, "there is no triangle to write", "Use a mesh with faces"));
     }
-    let (mut images, mut textures, mut looks) = (Vec::new(), Vec::new(), Vec::new());
-    for material in materials {
-        let mut pbr = json!({"baseColorFactor": material.base_color, "metallicFactor": 0.0, "roughnessFactor": 1.0});
-        if let Some(bytes) = &material.texture {
-            let kind = if bytes.starts_with(&[0xff, 0xd8]) { "image/jpeg" } else { "image/png" };
-            let view = out.view(bytes, None);
-            pbr["baseColorTexture"] = json!({"index": textures.len()});
-            textures.push(json!({"source": images.len(), "sampler": 0}));
-            images.push(json!({"bufferView": view, "mimeType": kind}));
-        }
-        looks.push(json!({"name": material.name, "pbrMetallicRoughness": pbr, "doubleSided": true}));
-    }
+    let mut pictures = Pictures::default();
+    let looks: Vec<Value> = materials.iter().map(|m| look(m, &mut pictures, &mut out)).collect();
     let mut root = json!({
         "asset": {"version": "2.0", "generator": concat!("barymap ", env!("CARGO_PKG_VERSION"))},
         "scene": 0,
@@ -120,9 +145,9 @@ pub(super) fn glb_with(
     if !looks.is_empty() {
         root["materials"] = looks.into();
     }
-    if !textures.is_empty() {
-        root["textures"] = textures.into();
-        root["images"] = images.into();
+    if !pictures.images.is_empty() {
+        root["textures"] = (0..pictures.images.len()).map(|k| json!({"source": k, "sampler": 0})).collect();
+        root["images"] = pictures.images.into();
         // Repeating, with mip-maps: texture coordinates outside the unit square repeat as everywhere in this crate.
         root["samplers"] = json!([{"magFilter": 9729, "minFilter": 9987, "wrapS": 10497, "wrapT": 10497}]);
     }
@@ -131,6 +156,70 @@ pub(super) fn glb_with(
     root["bufferViews"] = std::mem::take(&mut out.views).into();
     root["buffers"] = json!([{"byteLength": out.bytes.len()}]);
     container(&mesh.name, root.to_string().into_bytes(), &out.bytes)
+}
+
+/// The pictures written so far.
+#[derive(Default)]
+struct Pictures {
+    images: Vec<Value>,
+    known: HashMap<Arc<[u8]>, usize>,
+}
+
+impl Pictures {
+    /// The reference to a picture, written once.
+    fn texture(&mut self, bytes: &Arc<[u8]>, out: &mut Parts) -> Value {
+        let index = *self.known.entry(bytes.clone()).or_insert_with(|| {
+            let kind = if bytes.starts_with(&[0xff, 0xd8]) { "image/jpeg" } else { "image/png" };
+            let view = out.view(bytes, None);
+            self.images.push(json!({"bufferView": view, "mimeType": kind}));
+            self.images.len() - 1
+        });
+        json!({"index": index})
+    }
+}
+
+/// The description of a material.
+fn look(material: &GlbMaterial, pictures: &mut Pictures, out: &mut Parts) -> Value {
+    let l = &material.look;
+    let unit = |x: f32| if x.is_finite() { x.clamp(0.0, 1.0) } else { 1.0 };
+    let mut pbr = json!({
+        "baseColorFactor": material.base_color,
+        "metallicFactor": unit(l.metallic),
+        "roughnessFactor": unit(l.roughness),
+    });
+    let mut value = json!({"name": material.name, "doubleSided": l.double_sided});
+    if let Some(bytes) = &material.texture {
+        pbr["baseColorTexture"] = pictures.texture(bytes, out);
+    }
+    for (role, bytes) in &material.textures {
+        match role.as_str() {
+            "metallic_roughness" => pbr["metallicRoughnessTexture"] = pictures.texture(bytes, out),
+            "normal" => {
+                value["normalTexture"] = pictures.texture(bytes, out);
+                value["normalTexture"]["scale"] = json!(l.normal_scale);
+            }
+            "occlusion" => {
+                value["occlusionTexture"] = pictures.texture(bytes, out);
+                value["occlusionTexture"]["strength"] = json!(unit(l.occlusion_strength));
+            }
+            "emissive" => value["emissiveTexture"] = pictures.texture(bytes, out),
+            // The format has no place for others.
+            _ => {}
+        }
+    }
+    value["pbrMetallicRoughness"] = pbr;
+    if l.emissive != [0.0; 3] {
+        value["emissiveFactor"] = json!(l.emissive.map(unit));
+    }
+    match l.alpha {
+        AlphaMode::Opaque => {}
+        AlphaMode::Mask(cutoff) => {
+            value["alphaMode"] = "MASK".into();
+            value["alphaCutoff"] = json!(cutoff.max(0.0));
+        }
+        AlphaMode::Blend => value["alphaMode"] = "BLEND".into(),
+    }
+    value
 }
 
 /// The two chunks, padded as the format asks.
@@ -301,8 +390,13 @@ mod tests {
     fn the_written_file_is_valid_and_reads_back() {
         let png = encode_png(&Image::zeros(3, 2, 3, Depth::U8).unwrap()).unwrap();
         let materials = [
-            GlbMaterial { name: "a".into(), base_color: [1.0; 4], texture: Some(png.clone()) },
-            GlbMaterial { name: "b".into(), base_color: [0.5, 0.25, 0.0, 1.0], texture: None },
+            GlbMaterial {
+                name: "a".into(),
+                base_color: [1.0; 4],
+                texture: Some(png.clone().into()),
+                ..GlbMaterial::default()
+            },
+            GlbMaterial { name: "b".into(), base_color: [0.5, 0.25, 0.0, 1.0], ..GlbMaterial::default() },
         ];
         let mesh = seamed();
         let bytes = glb_bytes(&mesh, &materials).unwrap();
@@ -338,7 +432,7 @@ mod tests {
 
     #[test]
     fn one_material_covers_all_and_faults_are_refused() {
-        let one = [GlbMaterial { name: "all".into(), base_color: [1.0; 4], texture: None }];
+        let one = [GlbMaterial { name: "all".into(), base_color: [1.0; 4], ..GlbMaterial::default() }];
         for materials in [&one[..], &[]] {
             let bytes = glb_bytes(&seamed(), materials).unwrap();
             let (document, ..) = ::gltf::import_slice(&bytes).unwrap();

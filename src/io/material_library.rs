@@ -4,10 +4,12 @@ use std::path::Path;
 
 use super::obj::parse_number;
 use super::source::{self, Notes};
+use super::texture_name::TextureName;
 use crate::Result;
 use crate::geometry::Material;
+use crate::geometry::material::{BASE_COLOR, RoleTexture, TextureContent};
 
-/// Reads names, diffuse colour, opacity and diffuse texture of the materials of an MTL file, in file order.
+/// Reads names, diffuse colour, opacity and textures of the materials of an MTL file, in file order.
 pub(crate) fn read(path: &Path, notes: &mut Notes) -> Result<Vec<Material>> {
     let bytes = source::read_all(path)?;
     source::refuse_utf16(path, &bytes)?;
@@ -35,24 +37,54 @@ pub(crate) fn read(path: &Path, notes: &mut Notes) -> Result<Vec<Material>> {
                     material.base_color[3] = opacity;
                 }
             }
-            "map_kd" => {
+            keyword if role(keyword).is_some() => {
                 let name = after_options(rest);
-                if !name.is_empty() {
+                if let (Some(role), false) = (role(keyword), name.is_empty()) {
                     let file = source::sibling(path, name);
-                    if !file.is_file() {
+                    if !file.is_file() && !TextureName::new(name).has_tile() {
                         notes.say(format!(
-                            "material {:?}: its texture {} does not exist",
+                            "material {:?}: its {role} texture {} does not exist",
                             material.name,
                             file.display()
                         ));
                     }
-                    material.base_color_texture = Some(file);
+                    if role == BASE_COLOR {
+                        material.base_color_texture = Some(file);
+                    } else if !material.textures.iter().any(|t| t.role == role) {
+                        let content = TextureContent::File(file);
+                        material.textures.push(RoleTexture { role: role.to_owned(), content });
+                    }
                 }
             }
             _ => {}
         }
     }
     Ok(materials)
+}
+
+/// Keywords of textures and their roles: the format's, and those of its extension for physically based materials. The first of a role is written.
+const KEYWORDS: [(&str, &str); 11] = [
+    ("map_Kd", BASE_COLOR),
+    ("map_Pr", "roughness"),
+    ("map_Pm", "metallic"),
+    ("map_Ke", "emissive"),
+    ("map_Ks", "specular"),
+    ("map_d", "opacity"),
+    ("norm", "normal"),
+    ("map_Kn", "normal"),
+    ("map_bump", "height"),
+    ("bump", "height"),
+    ("disp", "displacement"),
+];
+
+/// The role of the texture that a keyword names, in whatever case.
+fn role(keyword: &str) -> Option<&'static str> {
+    KEYWORDS.iter().find(|(k, _)| k.eq_ignore_ascii_case(keyword)).map(|(_, role)| *role)
+}
+
+/// The keyword of a role, if the format has one.
+pub(crate) fn keyword(role: &str) -> Option<&'static str> {
+    KEYWORDS.iter().find(|(_, r)| *r == role).map(|(keyword, _)| *keyword)
 }
 
 /// The file name of a texture statement, with its options (`-s 1 1 1`, `-clamp on`) taken off; it may hold spaces.
@@ -110,5 +142,20 @@ mod tests {
         assert!(materials[0].base_color_texture.as_ref().unwrap().is_file());
         assert_eq!((materials[1].name.as_str(), materials[1].base_color), ("b c", [1.0; 4]));
         assert!(notes.into_warnings()[0].contains("gone.png"));
+    }
+
+    #[test]
+    fn textures_have_roles_and_tiles() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("m.mtl");
+        let text = "newmtl a\nmap_Kd a.<UDIM>.png\nmap_pr r.<UDIM>.png\nnorm -bm 2 n.<UDIM>.png\nbump -bm 0.5 h.<UDIM>.png\nmap_bump x.png";
+        std::fs::write(&file, text).unwrap();
+        let mut notes = Notes::default();
+        let material = read(&file, &mut notes).unwrap().remove(0);
+        assert_eq!(material.roles().collect::<Vec<_>>(), ["base_color", "roughness", "normal", "height"]);
+        let Some(TextureContent::File(normal)) = material.texture("normal") else { panic!("no file") };
+        assert!(normal.ends_with("n.<UDIM>.png"));
+        // Tiles are looked for when it is known which are used; the second of a role is one too many.
+        assert_eq!(notes.into_warnings().len(), 1);
     }
 }

@@ -6,12 +6,14 @@
 
 pub mod anchors;
 mod assemble;
+pub mod attribute_table;
 pub mod cache;
 pub mod cage;
 pub mod geojson;
 pub mod gltf_animation;
 mod gltf_components;
 mod gltf_document;
+mod gltf_materials;
 pub mod gltf_read;
 pub mod gltf_write;
 pub mod handles;
@@ -36,6 +38,7 @@ pub mod report;
 mod source;
 pub mod svg;
 mod svg_path;
+pub mod texture_name;
 
 use std::io::Read;
 use std::path::Path;
@@ -56,6 +59,7 @@ pub use obj_write::write_obj;
 pub use output::{check_writable, write_atomically};
 pub use ply_write::write_ply;
 pub use report::write_report;
+pub use texture_name::TextureName;
 
 /// A mesh read from a file, with what was passed over or mended on the way.
 #[derive(Clone, Debug)]

@@ -5,8 +5,10 @@ use std::fmt::Write as _;
 use std::io::Write;
 use std::path::{Component, Path, PathBuf};
 
+use super::material_library::keyword;
 use super::output;
 use crate::Result;
+use crate::geometry::material::TextureContent;
 use crate::geometry::{Material, Mesh, NONE};
 
 /// Writes `mesh` as OBJ, and its materials, if it has any, as an MTL file of the same name beside it.
@@ -108,6 +110,12 @@ fn material_library(mesh: &Mesh, path: &Path) -> Result<String> {
         };
         if let Some(texture) = texture {
             let _ = writeln!(text, "map_Kd {}", texture.to_string_lossy().replace('\\', "/"));
+        }
+        for other in &material.textures {
+            // Embedded ones in other roles stay behind: OBJ files seldom name them.
+            if let (Some(keyword), TextureContent::File(file)) = (keyword(&other.role), &other.content) {
+                let _ = writeln!(text, "{keyword} {}", relative(file, path).to_string_lossy().replace('\\', "/"));
+            }
         }
     }
     Ok(text)

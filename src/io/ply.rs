@@ -10,7 +10,7 @@ use glam::{DVec2, DVec3};
 
 use super::LoadedMesh;
 use super::assemble::{self, TexcoordPool};
-use super::ply_header::{Encoding, Header, Kind, Property, Scalar};
+use super::ply_header::{Encoding, Header, Kind, Scalar};
 use super::source::{self, Notes};
 use crate::geometry::{Corner, Material, MeshBuilder, NONE};
 use crate::{Error, Result};
@@ -85,11 +85,21 @@ pub fn parse_ply(bytes: &[u8], path: &Path) -> Result<LoadedMesh> {
     assemble::finish(builder, notes, path)
 }
 
-/// The numbers that the vertices of a PLY file have under each of `names`, or nothing. Whole numbers of one byte are read as parts of 255, as colours are.
+/// A scalar property of the vertices of a PLY file.
+#[derive(Clone, Debug)]
+pub(crate) struct VertexColumn {
+    pub(crate) name: String,
+    /// Whether it is stored as whole numbers of one byte without sign.
+    pub(crate) byte: bool,
+    /// One for each vertex, as stored.
+    pub(crate) values: Vec<f64>,
+}
+
+/// The scalar properties of the vertices of a PLY file, in its order; of several with one name the first.
 ///
 /// # Errors
 /// As [`read_ply`].
-pub(crate) fn read_vertex_properties(path: &Path, names: &[&str]) -> Result<Vec<Option<Vec<f64>>>> {
+pub(crate) fn read_vertex_columns(path: &Path) -> Result<Vec<VertexColumn>> {
     let bytes = source::read_all(path)?;
     let header = Header::parse(&bytes, path)?;
     let mut body = Body { bytes: &bytes, at: header.length, encoding: header.encoding, path };
@@ -99,25 +109,32 @@ pub(crate) fn read_vertex_properties(path: &Path, names: &[&str]) -> Result<Vec<
             body.each(&element.name, element.count, &mut item, |_| Ok(()))?;
             continue;
         }
-        let scalar = |p: &Property, name: &str| p.name == name && matches!(p.kind, Kind::Scalar(_));
-        let places: Vec<Option<usize>> =
-            names.iter().map(|name| element.properties.iter().position(|p| scalar(p, name))).collect();
-        let scale = |k: usize| match element.properties[k].kind {
-            Kind::Scalar(Scalar::U8) => 1.0 / 255.0,
-            _ => 1.0,
-        };
-        let mut values: Vec<Option<Vec<f64>>> = places.iter().map(|place| place.map(|_| Vec::new())).collect();
-        body.each(&element.name, element.count, &mut item, |item| {
-            for (place, list) in places.iter().zip(&mut values) {
-                if let (Some(k), Some(list)) = (*place, list) {
-                    list.push(item.scalars[k] * scale(k));
-                }
+        let mut columns: Vec<(usize, VertexColumn)> = Vec::new();
+        for (k, p) in element.properties.iter().enumerate() {
+            if let Kind::Scalar(scalar) = p.kind
+                && !columns.iter().any(|(_, c)| c.name == p.name)
+            {
+                let byte = matches!(scalar, Scalar::U8);
+                columns.push((k, VertexColumn { name: p.name.clone(), byte, values: Vec::new() }));
             }
+        }
+        body.each(&element.name, element.count, &mut item, |item| {
+            columns.iter_mut().for_each(|(k, c)| c.values.push(item.scalars[*k]));
             Ok(())
         })?;
-        return Ok(values);
+        return Ok(columns.into_iter().map(|(_, c)| c).collect());
     }
-    Ok(vec![None; names.len()])
+    Ok(Vec::new())
+}
+
+/// The numbers that the vertices of a PLY file have under each of `names`, or nothing. Whole numbers of one byte are read as parts of 255, as colours are.
+///
+/// # Errors
+/// As [`read_ply`].
+pub(crate) fn read_vertex_properties(path: &Path, names: &[&str]) -> Result<Vec<Option<Vec<f64>>>> {
+    let columns = read_vertex_columns(path)?;
+    let scaled = |c: &VertexColumn| c.values.iter().map(|v| if c.byte { v / 255.0 } else { *v }).collect();
+    Ok(names.iter().map(|name| columns.iter().find(|c| c.name == *name).map(scaled)).collect())
 }
 
 /// The values of one element: scalars, and lists in one buffer.

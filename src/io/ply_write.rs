@@ -7,24 +7,69 @@ use super::output;
 use crate::geometry::Mesh;
 use crate::{Error, Result};
 
+/// Numbers of all vertices.
+#[derive(Clone, Debug, PartialEq)]
+pub enum PropertyValues {
+    /// Whole numbers of 0 to 255.
+    Byte(Vec<u8>),
+    /// Numbers in double precision.
+    Double(Vec<f64>),
+}
+
+/// A property of the vertices beside their positions.
+#[derive(Clone, Debug, PartialEq)]
+pub struct VertexProperty {
+    /// Its name in the file, without spaces.
+    pub name: String,
+    /// One value for each vertex.
+    pub values: PropertyValues,
+}
+
+impl VertexProperty {
+    fn len(&self) -> usize {
+        match &self.values {
+            PropertyValues::Byte(v) => v.len(),
+            PropertyValues::Double(v) => v.len(),
+        }
+    }
+}
+
 /// Writes positions (double precision), polygons and, if given, one RGB colour a vertex as little-endian binary PLY.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Input`] if there are not as many colours as vertices.
 pub fn write_ply(mesh: &Mesh, colors: Option<&[[u8; 3]]>, path: impl AsRef<Path>) -> Result<()> {
-    let path = path.as_ref();
-    if let Some(colors) = colors.filter(|c| c.len() != mesh.vertex_count()) {
-        let what = format!("{} colours for the {} vertices of {}", colors.len(), mesh.vertex_count(), mesh.name);
-        return Err(Error::input(what, "Give one colour a vertex"));
-    }
-    output::write_atomically(path, |w| write_elements(mesh, colors, w).map_err(output::failed(path)))
+    let channel = |(k, name): (usize, &str)| VertexProperty {
+        name: name.into(),
+        values: PropertyValues::Byte(colors.unwrap_or_default().iter().map(|c| c[k]).collect()),
+    };
+    let channels: Vec<VertexProperty> = ["red", "green", "blue"].into_iter().enumerate().map(channel).collect();
+    write_ply_with(mesh, if colors.is_some() { &channels } else { &[] }, path)
 }
 
-fn write_elements(mesh: &Mesh, colors: Option<&[[u8; 3]]>, w: &mut impl Write) -> std::io::Result<()> {
+/// Writes positions (double precision), polygons and properties of the vertices as little-endian binary PLY.
+///
+/// # Errors
+/// [`Error::Io`]; [`Error::Input`] if a property has not as many values as there are vertices.
+pub fn write_ply_with(mesh: &Mesh, properties: &[VertexProperty], path: impl AsRef<Path>) -> Result<()> {
+    let path = path.as_ref();
+    if let Some(p) = properties.iter().find(|p| p.len() != mesh.vertex_count()) {
+        let what =
+            format!("{} values of {:?} for the {} vertices of {}", p.len(), p.name, mesh.vertex_count(), mesh.name);
+        return Err(Error::input(what, "Give one a vertex"));
+    }
+    output::write_atomically(path, |w| write_elements(mesh, properties, w).map_err(output::failed(path)))
+}
+
+fn write_elements(mesh: &Mesh, properties: &[VertexProperty], w: &mut impl Write) -> std::io::Result<()> {
     writeln!(w, "ply\nformat binary_little_endian 1.0\nelement vertex {}", mesh.vertex_count())?;
     writeln!(w, "property double x\nproperty double y\nproperty double z")?;
-    if colors.is_some() {
-        writeln!(w, "property uchar red\nproperty uchar green\nproperty uchar blue")?;
+    for p in properties {
+        let kind = match p.values {
+            PropertyValues::Byte(_) => "uchar",
+            PropertyValues::Double(_) => "double",
+        };
+        writeln!(w, "property {kind} {}", p.name)?;
     }
     // Readers commonly know 8-bit lengths only; longer polygons are rare.
     let small = (0..mesh.polygon_count()).all(|p| mesh.polygon(p).len() < 256);
@@ -34,8 +79,11 @@ fn write_elements(mesh: &Mesh, colors: Option<&[[u8; 3]]>, w: &mut impl Write) -
         for x in p.to_array() {
             w.write_all(&x.to_le_bytes())?;
         }
-        if let Some(colors) = colors {
-            w.write_all(&colors[v])?;
+        for p in properties {
+            match &p.values {
+                PropertyValues::Byte(values) => w.write_all(&values[v..=v])?,
+                PropertyValues::Double(values) => w.write_all(&values[v].to_le_bytes())?,
+            }
         }
     }
     for p in 0..mesh.polygon_count() {

@@ -7,6 +7,7 @@ pub mod embedding;
 pub mod field;
 pub mod gauge;
 pub mod gpu;
+mod identity;
 mod nearest_vertex;
 mod packed;
 pub mod phong_surface;
@@ -22,6 +23,7 @@ pub mod vector;
 
 pub use anchors::AnchorPairs;
 pub use embedding::{Embedding, EmbeddingOptions, Sampling};
+pub use identity::IdentityMap;
 pub use nearest_vertex::NearestVertex;
 pub use packed::{PackedImage, PackedPoint, PointMap, Status};
 pub use phong_surface::PhongSurface;

@@ -1,7 +1,9 @@
 //! What users do: combinations of the methods.
 pub mod animate;
+pub mod attributes;
 pub mod cover;
 pub mod deform;
+pub mod differential;
 pub mod inverse_map;
 pub mod morph;
 pub mod render;

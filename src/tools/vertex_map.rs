@@ -20,26 +20,37 @@ pub struct VertexMap {
     pub valid_fraction: f64,
 }
 
-/// Maps every vertex of `target`, as a corner of its lowest usable triangle.
+/// The image of every vertex of `target`, as a corner of its lowest usable triangle; nowhere for vertices of none.
 ///
 /// # Errors
 /// Those of the map.
-pub fn vertex_map(source: (&Mesh, &Topology), target: (&Mesh, &Topology), map: &dyn PointMap) -> Result<VertexMap> {
-    let (mesh, topology) = target;
+pub fn vertex_images(target: &Mesh, topology: &Topology, map: &dyn PointMap) -> Result<Vec<PackedImage>> {
     let mut vertices = Vec::new();
     let mut points = Vec::new();
-    for v in 0..mesh.vertex_count() as u32 {
+    for v in 0..target.vertex_count() as u32 {
         if let Some(point) = topology.vertex_point(v) {
             vertices.push(v as usize);
             points.push(PackedPoint::from(point));
         }
     }
     let mut found = Vec::new();
-    map.map(&points, &mut found)?;
-    let mut images = vec![PackedImage::NOWHERE; mesh.vertex_count()];
+    if !points.is_empty() {
+        map.map(&points, &mut found)?;
+    }
+    let mut images = vec![PackedImage::NOWHERE; target.vertex_count()];
     for (&v, &image) in vertices.iter().zip(&found) {
         images[v] = image;
     }
+    Ok(images)
+}
+
+/// Maps every vertex of `target`, as a corner of its lowest usable triangle.
+///
+/// # Errors
+/// Those of the map.
+pub fn vertex_map(source: (&Mesh, &Topology), target: (&Mesh, &Topology), map: &dyn PointMap) -> Result<VertexMap> {
+    let (mesh, topology) = target;
+    let images = vertex_images(mesh, topology, map)?;
     let on_source: Vec<Option<SurfacePoint>> = images.iter().map(|i| i.point()).collect();
     let positions: Vec<Option<DVec3>> = on_source.iter().map(|p| p.map(|p| p.position(source.0))).collect();
     let source_normals = vertex_normals(source.0, source.1);

@@ -1,12 +1,15 @@
 //! The command line end to end: the built program on small meshes written for each test, and on the bad files of `BARYMAP_DATA`.
 
 mod animate;
+mod attributes;
 mod deform;
 mod faults;
+mod kinds;
 mod machine;
 mod morph;
 mod pairs;
 mod steps;
 mod support;
+mod textures;
 mod transfer;
 mod warp;

@@ -208,7 +208,12 @@ fn seeds() -> Vec<(&'static str, Vec<u8>)> {
     write_ply(&mesh, Some(&[[1, 2, 3]; 4]), dir.path().join("a.ply")).unwrap();
     npy::write_npy(dir.path().join("a.npy"), 2, &[1.0, 2.0, 3.0, 4.0]).unwrap();
     let png = encode_png(&Image::zeros(5, 3, 3, Depth::U8).unwrap()).unwrap();
-    let material = barymap::io::GlbMaterial { name: "m".into(), base_color: [1.0; 4], texture: Some(png.clone()) };
+    let material = barymap::io::GlbMaterial {
+        name: "m".into(),
+        base_color: [1.0; 4],
+        texture: Some(png.clone().into()),
+        ..Default::default()
+    };
     let glb = glb_bytes(&mesh, &[material]).unwrap();
     vec![
         ("obj", b"mtllib x\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 1\nvn 0 0 1\ng a\nusemtl b\nf 1/1/1 2//1 3/1 -1\nf -1 -2 \\\n -3\n".to_vec()),

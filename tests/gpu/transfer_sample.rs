@@ -10,7 +10,8 @@ use barymap::tools::transfer::gpu::Sampler;
 use barymap::tools::transfer::mip::MipChain;
 use barymap::tools::transfer::sample::{SampleParams, sample_texture};
 use barymap::tools::transfer::{
-    Alpha, Background, Encoding, Filter, Layer, TransferOptions, TransferOutput, memory_needed, transfer, transfer_on,
+    Alpha, Background, Encoding, Filter, Layer, LayerKind, TransferOptions, TransferOutput, memory_needed, transfer,
+    transfer_on,
 };
 use glam::DVec2;
 
@@ -298,7 +299,10 @@ impl Scene {
             images: images.iter().map(|&i| &self.images[i]).collect(),
             material_texture: (0..images.len() as u32).collect(),
             default_texture: NONE,
+            // As tiles: these pictures end at their borders.
+            face_texture: (name == "rough").then(|| (0..self.source.triangle_count() as u32).map(|t| t % 2).collect()),
             encoding: Encoding { linear_light: images.len() == 2, ..Encoding::default() },
+            kind: LayerKind::Color,
         };
         vec![of("colour", &[0, 1]), of("rough", &[2, 2]), Layer::single("light", &self.images[3])]
     }

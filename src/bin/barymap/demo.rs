@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use barymap::geometry::SurfacePoint;
+use barymap::io::TextureName;
 use barymap::models::character_pair;
 use barymap::raster::{Image, Pixels};
 use barymap::surface::quality::summarise;
@@ -14,7 +15,7 @@ use serde_json::json;
 
 use crate::common::{Common, EmbeddingArguments, SamplingName, Session};
 use crate::method::MethodName;
-use crate::transfer::{FilterName, Job, Look, Textures, summary};
+use crate::transfer::{FillName, FilterName, Job, Look, Textures, summary};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -45,7 +46,8 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         (session.surface(pair.source.mesh.clone())?, session.surface(pair.target.mesh.clone())?);
     anchors.check((&source.mesh, &source.topology), (&target.mesh, &target.topology))?;
     session.watch.lap("models");
-    let outputs = [path("texture.png")];
+    let texture_file = path("texture.png");
+    let outputs = [TextureName::new(texture_file.display().to_string())];
     let job = Job {
         layers: &[Textures::single(from_rgba(&texture)?)],
         anchors: &anchors,
@@ -58,7 +60,10 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         look: &Look {
             size: (arguments.size, arguments.size),
             margin: 16,
-            coverage: Some(path("coverage.png")),
+            coverage: Some(path("coverage.png").display().to_string()),
+            fill: FillName::None,
+            fill_doubtful: false,
+            stmap: None,
             model: Some(path("model.glb")),
             linear_light: false,
             filter: FilterName::Anisotropic,
@@ -87,7 +92,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     barymap::io::write_image(&from_rgba(&texture)?, path("source_texture.png"))?;
     barymap::io::report::write_report(path("report.json"), &report)?;
     session.write_report(&report)?;
-    summary(&session, &outputs[0], &result, &report);
+    summary(&session, &texture_file, &result, &report);
     session.say(&format!(
         "true error over the square root of the area: mean {:.4}, median {:.4}, 95 % {:.4}, largest {:.3}",
         e.mean, e.median, e.p95, e.max

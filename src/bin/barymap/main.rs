@@ -1,6 +1,7 @@
 //! The command line of barymap.
 
 mod animate;
+mod attributes;
 mod cage_map;
 mod check;
 mod common;
@@ -8,6 +9,7 @@ mod deform;
 mod demo;
 mod devices;
 mod embed;
+mod layer_kinds;
 mod map;
 mod method;
 mod morph;
@@ -54,6 +56,8 @@ enum Command {
     Map(map::Arguments),
     /// Transfers a texture from one mesh to a different one
     Transfer(transfer::Arguments),
+    /// Carries data of vertices from one mesh to a different one: skin weights, colours, scalars, labels, vectors
+    Attributes(attributes::Arguments),
     /// Warps a picture by a cage, without folds
     Warp(warp::Arguments),
     /// Warps points and outlines by a cage, either way
@@ -79,6 +83,7 @@ fn run(cli: &Cli) -> Result<()> {
         Command::Check(a) => check::run(common, a),
         Command::Map(a) => map::run(common, a),
         Command::Transfer(a) => transfer::run(common, a),
+        Command::Attributes(a) => attributes::run(common, a),
         Command::Warp(a) => warp::run(common, a),
         Command::WarpPoints(a) => warp_points::run(common, a),
         Command::Deform(a) => deform::run(common, a),

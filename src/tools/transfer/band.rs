@@ -158,6 +158,12 @@ impl<'a> Window<'a> {
         &self.images[(rows.start - self.rows.start) * self.width..(rows.end - self.rows.start) * self.width]
     }
 
+    /// A texel at hand and its image; `None` beyond the texture's border.
+    pub(super) fn at(&self, x: usize, y: usize) -> Option<(&AtlasTexel, &PackedImage)> {
+        let at = y.checked_sub(self.rows.start).filter(|_| x < self.width)? * self.width + x;
+        Some((self.texels.get(at)?, self.images.get(at)?))
+    }
+
     /// Counts of the atlas.
     pub(super) fn atlas(&self) -> &Atlas {
         &self.atlas

@@ -5,20 +5,29 @@ use rayon::prelude::*;
 use super::atlas::AtlasTexel;
 use super::band::Window;
 use super::bins::Atlas;
+use super::charts::charts;
+use super::coordinates;
+use super::exact::copy_coinciding;
+use super::fill::{Fill, Holes, fill};
 use super::footprint::Footprint;
 use super::gpu::{DeviceTexture, Sampler, Stages};
+use super::kind::LayerKind;
 use super::layer::{Layer, blank, copy_padding, store};
 use super::mip::MipChain;
+use super::nearest::nearest_texels;
 use super::pad::pad_seams;
-use super::plan::Plan;
+use super::plan::{Plan, fixed};
+use super::rebase::{Rebase, Samples, renormalise};
 use super::sample::{SampleParams, sample_texture};
+use super::seams::seam_pairs;
 use super::tables::{source_triangles, target_triangles};
+use super::tally::{HOLE, Tally};
 use super::{LARGEST_SIDE, TransferOptions, TransferOutput, TransferStats, coverage};
 use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, NONE};
 use crate::progress::Progress;
-use crate::raster::{Image, Pixels};
+use crate::raster::{Depth, Image, Pixels};
 use crate::surface::PointMap;
 use crate::tools::stopwatch::Stopwatch;
 
@@ -68,7 +77,8 @@ pub fn transfer_on(
     };
     let mut watch = Stopwatch::new();
     let shapes = layers[0].texture_of(source);
-    let table = source_triangles(source, |t| {
+    let tiled = layers.iter().any(|l| l.face_texture.is_some());
+    let table = source_triangles(source, tiled, |t| {
         let image = layers[0].images.get(shapes[t] as usize).unwrap_or(&layers[0].images[0]);
         [image.width, image.height]
     })?;
@@ -83,7 +93,10 @@ pub fn transfer_on(
     let mut coarse = grid(1)?;
     let mut fine = if options.supersample > 1 { Some(grid(options.supersample)?) } else { None };
     watch.lap("prepare");
-    let mut outputs = layers.iter().map(|l| Output::new(l, source, options)).collect::<Result<Vec<_>>>()?;
+    let rebase = Rebase::for_kinds(layers.iter().map(|l| l.kind), source, target, map)?;
+    watch.lap("frames");
+    let mut outputs =
+        layers.iter().map(|l| Output::new(l, source, options, rebase.as_ref())).collect::<Result<Vec<_>>>()?;
     let mut sampler = stages.sampler(|s| outputs.iter_mut().try_for_each(|o| o.upload(s, options)))?;
     if sampler.is_none() {
         outputs.iter_mut().for_each(|o| o.device.clear());
@@ -92,6 +105,11 @@ pub fn transfer_on(
 
     let (width, height) = (options.width as usize, options.height as usize);
     let mut covers = vec![coverage::NOTHING; width * height];
+    let channels = coordinates::CHANNELS as u32;
+    let mut stmap = match options.coordinates {
+        true => Some(Image::zeros(options.width, options.height, channels, Depth::F32)?),
+        false => None,
+    };
     let mut tally = Tally::default();
     let mut scratch = Scratch::default();
     let mut bands = 0;
@@ -110,10 +128,18 @@ pub fn transfer_on(
         }
         for output in &mut outputs {
             output.sample(&rows, &coarse, fine.as_ref(), &mut scratch, options, sampler.as_mut())?;
+            if options.fill != Fill::None {
+                let texture_of = &output.texture_of;
+                output.holes.collect(&rows, height, &coarse, &table, texture_of, options.fill_doubtful);
+            }
         }
         watch.lap("sample_texture");
+        if let Some(stmap) = &mut stmap {
+            coordinates::write(stmap, &rows, &coarse, source, &table, tiled);
+        }
         let band = &mut covers[rows.start * width..rows.end * width];
-        tally.add(&rows, &coarse, &scratch.footprints, &outputs, band);
+        let texture_of: Vec<&[u32]> = outputs.iter().map(|o| o.texture_of.as_slice()).collect();
+        tally.add(&rows, &coarse, &scratch.footprints, &texture_of, band);
         watch.lap("coverage");
         bands += 1;
         progress.advance((rows.len() * width) as u64);
@@ -124,12 +150,19 @@ pub fn transfer_on(
         missing_texcoords: atlas.missing,
         degenerate_texcoords: atlas.degenerate,
         mirrored_texcoords: atlas.mirrored,
+        size_ratio: rebase.as_ref().map(Rebase::size_ratio),
         memory: stats_memory,
         bands,
         ..tally.stats()
     };
     outputs.iter_mut().for_each(|o| o.device.clear());
     drop((coarse, fine, scratch, sampler));
+    let mut notes = Vec::new();
+    if options.fill != Fill::None {
+        let allowed = options.memory.saturating_sub(fixed(source, layers, target, options));
+        stats.filled = fill_holes(&mut outputs, target, &mut covers, options, allowed, &mut notes);
+        watch.lap("fill");
+    }
     if options.margin > 0 {
         progress.stage("padding", height as u64);
         let mut nearest = Vec::new();
@@ -141,8 +174,15 @@ pub fn transfer_on(
                 None => pad_seams(&covers, width, rows.clone(), options.margin, &mut nearest),
             }
             let first = rows.start * width;
+            for (from, _) in nearest.iter_mut().zip(&covers[first..]).filter(|(_, cover)| **cover == HOLE) {
+                *from = NONE;
+            }
             for output in &mut outputs {
                 copy_padding(&mut output.image, first, &nearest);
+            }
+            if let Some(stmap) = &mut stmap {
+                copy_padding(stmap, first, &nearest);
+                coordinates::mark_padding(stmap, first, &nearest);
             }
             for (cover, &from) in covers[first..].iter_mut().zip(&nearest) {
                 if from != NONE && *cover == coverage::NOTHING {
@@ -154,10 +194,54 @@ pub fn transfer_on(
         }
         watch.lap("pad_seams");
     }
+    covers.iter_mut().filter(|c| **c == HOLE).for_each(|c| *c = coverage::NOTHING);
     stats.stages = watch.stages().to_vec();
     (stats.device_stages, stats.notes) = stages.report();
+    stats.notes.append(&mut notes);
     let coverage = Image { width: options.width, height: options.height, channels: 1, pixels: Pixels::U8(covers) };
-    Ok(TransferOutput { layers: outputs.into_iter().map(|o| o.image).collect(), coverage, stats })
+    let layers = outputs.into_iter().map(|o| o.image).collect();
+    Ok(TransferOutput { layers, coverage, coordinates: stmap, stats })
+}
+
+/// Fills the holes of all pictures and returns how many texels got a colour; they are doubtful from then on.
+fn fill_holes(
+    outputs: &mut [Output<'_>],
+    target: &Mesh,
+    covers: &mut [u8],
+    options: &TransferOptions,
+    allowed: u64,
+    notes: &mut Vec<String>,
+) -> u64 {
+    if outputs.iter().all(|o| o.holes.is_empty()) {
+        return 0;
+    }
+    let required = outputs.iter().map(|o| o.holes.texels.len() as u64).max().unwrap_or(0) * options.fill.bytes();
+    if required > allowed {
+        notes.push(format!(
+            "holes stay without colour: filling them needs {required} bytes beside the pictures, {allowed} are allowed (--memory)"
+        ));
+        return 0;
+    }
+    let size = [options.width, options.height];
+    let seams = seam_pairs(target, &charts(target), size, options.region, options.material);
+    let mut filled = Vec::new();
+    for output in outputs {
+        let holes = std::mem::take(&mut output.holes);
+        let encoding = output.chains[0].encoding;
+        let how = if output.kind == LayerKind::Labels { Fill::Nearest } else { options.fill };
+        let (kind, depth, channels) = (output.kind, output.image.depth(), output.image.channels as usize);
+        let finish = |color: &mut [f32]| renormalise(kind, depth, channels, color);
+        filled.append(&mut fill(&mut output.image, &holes, covers, &seams, how, encoding, finish));
+    }
+    filled.sort_unstable();
+    filled.dedup();
+    for &texel in &filled {
+        let cover = &mut covers[texel as usize];
+        if *cover == HOLE {
+            *cover = coverage::DOUBTFUL;
+        }
+    }
+    filled.len() as u64
 }
 
 fn check(source: &Mesh, layers: &[Layer<'_>], target: &Mesh, options: &TransferOptions) -> Result<()> {
@@ -179,7 +263,7 @@ fn check(source: &Mesh, layers: &[Layer<'_>], target: &Mesh, options: &TransferO
     if layers.is_empty() {
         return Err(Error::input("no texture to transfer", "Give at least one layer"));
     }
-    layers.iter().try_for_each(Layer::check)?;
+    layers.iter().try_for_each(|l| l.check(source))?;
     for mesh in [source, target] {
         if !mesh.has_texcoords() {
             return Err(Error::mesh(
@@ -208,22 +292,38 @@ struct Output<'a> {
     device: Vec<DeviceTexture>,
     texture_of: Vec<u32>,
     image: Image,
+    /// Where there is no colour, if that is to be filled.
+    holes: Holes,
+    kind: LayerKind,
+    /// What carries normals and heights to the target, if some layer holds them.
+    rebase: Option<&'a Rebase<'a>>,
 }
 
 impl<'a> Output<'a> {
-    fn new(layer: &Layer<'a>, source: &Mesh, options: &TransferOptions) -> Result<Self> {
+    fn new(
+        layer: &Layer<'a>,
+        source: &Mesh,
+        options: &TransferOptions,
+        rebase: Option<&'a Rebase<'a>>,
+    ) -> Result<Self> {
         let (channels, depth) = layer.output_format(options.background);
+        let mut chains = layer.images.iter().map(|i| layer.chain(i)).collect::<Result<Vec<_>>>()?;
+        chains.iter_mut().for_each(|c| c.repeats = layer.face_texture.is_none());
         Ok(Self {
-            chains: layer.images.iter().map(|i| MipChain::new(i, layer.encoding)).collect::<Result<_>>()?,
+            chains,
+            holes: Holes::default(),
             device: Vec::new(),
             texture_of: layer.texture_of(source),
             image: blank(options.width, options.height, channels, depth, options.background)?,
+            kind: layer.kind,
+            rebase,
         })
     }
 
     /// Brings the chains to the device that samples.
     fn upload(&mut self, sampler: &Sampler<'_>, options: &TransferOptions) -> Result<()> {
-        for chain in &self.chains {
+        // Labels are looked up, not sampled.
+        for chain in self.chains.iter().filter(|_| self.kind != LayerKind::Labels) {
             self.device.push(sampler.texture(chain, options.filter, options.taps)?);
         }
         Ok(())
@@ -241,6 +341,11 @@ impl<'a> Output<'a> {
         colors.clear();
         colors.resize(footprints.len() * channels as usize, 0.0);
         for (texture, chain) in self.chains.iter().enumerate() {
+            if self.kind == LayerKind::Labels {
+                let texture = texture as u32;
+                nearest_texels(chain.image, texture, channels as usize, &self.texture_of, footprints, colors);
+                continue;
+            }
             let params = SampleParams { filter: options.filter, taps: options.taps, channels, texture: texture as u32 };
             match (&mut sampler, self.device.get(texture)) {
                 (Some(s), Some(device)) => s.sample(device, chain, &params, &self.texture_of, footprints, colors)?,
@@ -261,14 +366,40 @@ impl<'a> Output<'a> {
         mut sampler: Option<&mut Sampler<'_>>,
     ) -> Result<()> {
         self.colors(&scratch.footprints, options, &mut scratch.colors, sampler.as_deref_mut())?;
-        if let Some(fine) = fine {
+        self.rebase(coarse, rows, &scratch.footprints, &mut scratch.colors);
+        if let Some(fine) = fine.filter(|_| self.kind != LayerKind::Labels) {
+            let k = options.supersample as usize;
             self.colors(&scratch.fine_footprints, options, &mut scratch.fine_colors, sampler)?;
-            self.average(rows, coarse, fine, scratch, options.supersample as usize);
+            let fine_rows = rows.start * k..rows.end * k;
+            self.rebase(fine, &fine_rows, &scratch.fine_footprints, &mut scratch.fine_colors);
+            self.average(rows, coarse, fine, scratch, k);
+            renormalise(self.kind, self.image.depth(), self.image.channels as usize, &mut scratch.colors);
         }
         let encoding = self.chains[0].encoding;
         let first = rows.start * coarse.width;
         store(&mut self.image, first, encoding, &self.texture_of, &scratch.footprints, &scratch.colors);
+        // What is expressed on the target is not the source's texel.
+        if fine.is_none() && matches!(self.kind, LayerKind::Color | LayerKind::Labels) {
+            for (texture, chain) in self.chains.iter().enumerate() {
+                let (texture_of, footprints) = (&self.texture_of, &scratch.footprints);
+                copy_coinciding(&mut self.image, first, chain, texture as u32, texture_of, footprints);
+            }
+        }
         Ok(())
+    }
+
+    /// Expresses normals and heights on the target.
+    fn rebase(&self, window: &Window<'_>, rows: &std::ops::Range<usize>, footprints: &[Footprint], colors: &mut [f32]) {
+        let Some(rebase) = self.rebase else { return };
+        let depths: Vec<Depth> = self.chains.iter().map(MipChain::depth).collect();
+        let samples = Samples {
+            kind: self.kind,
+            depths: &depths,
+            depth: self.image.depth(),
+            channels: self.image.channels as usize,
+            texture_of: &self.texture_of,
+        };
+        rebase.apply(&samples, window, rows, footprints, colors);
     }
 
     /// Replaces the colour of each texel by the mean of its samples whose centres lie in the same chart, if there are any.
@@ -311,98 +442,5 @@ impl<'a> Output<'a> {
                 }
             }
         });
-    }
-}
-
-/// Counts of texels, and areas of the target that they stand for.
-#[derive(Clone, Copy, Debug, Default)]
-struct Tally {
-    covered: u64,
-    centre: u64,
-    overlapping: u64,
-    valid: u64,
-    doubtful: u64,
-    area: f64,
-    valid_area: f64,
-    doubtful_area: f64,
-}
-
-impl Tally {
-    /// Counts a band and writes its coverage.
-    fn add(
-        &mut self,
-        rows: &std::ops::Range<usize>,
-        window: &Window<'_>,
-        footprints: &[Footprint],
-        outputs: &[Output<'_>],
-        covers: &mut [u8],
-    ) {
-        let width = window.width;
-        let (texels, images) = (window.texels(rows), window.images(rows));
-        let textured = |f: &Footprint| f.face != NONE && outputs.iter().any(|o| o.texture_of[f.face as usize] != NONE);
-        let count_row = |(y, covers): (usize, &mut [u8])| {
-            let mut sum = Self::default();
-            for (x, cover) in covers.iter_mut().enumerate() {
-                let i = y * width + x;
-                let texel = &texels[i];
-                if !texel.is_covered() {
-                    continue;
-                }
-                sum.covered += 1;
-                sum.centre += u64::from(texel.is_centre());
-                sum.overlapping += u64::from(texel.cover & AtlasTexel::OVERLAP != 0);
-                // A texel seen at its centre stands for its area; the others' is counted by their neighbours.
-                let area =
-                    if texel.is_centre() { f64::from(window.target[texel.face as usize].texel_area) } else { 0.0 };
-                sum.area += area;
-                if !textured(&footprints[i]) {
-                    continue;
-                }
-                if Window::is_valid(&images[i]) {
-                    *cover = coverage::VALID;
-                    sum.valid += 1;
-                    sum.valid_area += area;
-                } else {
-                    *cover = coverage::DOUBTFUL;
-                    sum.doubtful += 1;
-                    sum.doubtful_area += area;
-                }
-            }
-            sum
-        };
-        let rows: Vec<Self> = covers.par_chunks_mut(width).enumerate().map(count_row).collect();
-        for row in rows {
-            self.covered += row.covered;
-            self.centre += row.centre;
-            self.overlapping += row.overlapping;
-            self.valid += row.valid;
-            self.doubtful += row.doubtful;
-            self.area += row.area;
-            self.valid_area += row.valid_area;
-            self.doubtful_area += row.doubtful_area;
-        }
-    }
-
-    fn stats(&self) -> TransferStats {
-        let fraction = |area: f64, count: u64| {
-            if self.area > 0.0 {
-                area / self.area
-            } else if self.covered > 0 {
-                count as f64 / self.covered as f64
-            } else {
-                0.0
-            }
-        };
-        TransferStats {
-            covered: self.covered,
-            covered_centre: self.centre,
-            overlapping: self.overlapping,
-            valid: self.valid,
-            doubtful: self.doubtful,
-            colorless: self.covered - self.valid - self.doubtful,
-            valid_fraction: fraction(self.valid_area, self.valid),
-            doubtful_fraction: fraction(self.doubtful_area, self.doubtful),
-            ..TransferStats::default()
-        }
     }
 }

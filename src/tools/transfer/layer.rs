@@ -5,7 +5,8 @@ use rayon::prelude::*;
 use super::Background;
 use super::color::Sample;
 use super::footprint::Footprint;
-use super::mip::{Alpha, Encoding};
+use super::kind::LayerKind;
+use super::mip::{Alpha, Encoding, MipChain};
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, NONE};
 use crate::raster::{Depth, Image, Pixels};
@@ -21,8 +22,13 @@ pub struct Layer<'a> {
     pub material_texture: Vec<u32>,
     /// Picture of triangles without material, or whose material is not listed; [`NONE`] if they have none.
     pub default_texture: u32,
-    /// How samples are averaged.
+    /// Picture of each triangle of the source, [`NONE`] for one without, where materials do not decide it: tiles of UDIM textures. These
+    /// pictures end at their borders, the others repeat.
+    pub face_texture: Option<Vec<u32>>,
+    /// How samples are averaged, if they are colours.
     pub encoding: Encoding,
+    /// What samples mean.
+    pub kind: LayerKind,
 }
 
 impl<'a> Layer<'a> {
@@ -33,17 +39,28 @@ impl<'a> Layer<'a> {
             images: vec![image],
             material_texture: Vec::new(),
             default_texture: 0,
+            face_texture: None,
             encoding: Encoding::default(),
+            kind: LayerKind::default(),
         }
     }
 
-    pub(super) fn check(&self) -> Result<()> {
+    pub(super) fn check(&self, source: &Mesh) -> Result<()> {
+        let triangles = source.triangle_count();
+        if let Some(n) = self.face_texture.as_ref().map(Vec::len).filter(|&n| n != triangles) {
+            return Err(Error::input(
+                format!("layer {} names pictures for {n} triangles, the source has {triangles}", self.name),
+                "Name one for each triangle, or none",
+            ));
+        }
         for (i, image) in self.images.iter().enumerate() {
             image.check(&format!("layer {}, picture {i}", self.name))?;
         }
+        self.check_kind()?;
         let count = self.images.len();
-        let bad =
-            self.material_texture.iter().chain([&self.default_texture]).find(|&&t| t != NONE && t as usize >= count);
+        let named =
+            self.material_texture.iter().chain(self.face_texture.iter().flatten()).chain([&self.default_texture]);
+        let bad = named.into_iter().find(|&&t| t != NONE && t as usize >= count);
         match bad {
             _ if count == 0 => {
                 Err(Error::input(format!("layer {} has no picture", self.name), "Give it one, or leave the layer out"))
@@ -56,8 +73,47 @@ impl<'a> Layer<'a> {
         }
     }
 
+    /// Whether the pictures can be what the kind says.
+    fn check_kind(&self) -> Result<()> {
+        let normals = matches!(self.kind, LayerKind::TangentNormal { .. } | LayerKind::ObjectNormal { .. });
+        if let Some(i) = self.images.iter().position(|i| normals && i.channels < 3) {
+            return Err(Error::input(
+                format!("layer {}, picture {i}: a normal map of {} channels", self.name, self.images[i].channels),
+                "Give a picture with red, green and blue, or --kind displacement for heights",
+            ));
+        }
+        let format = |i: &Image| (i.channels, i.depth());
+        let labels = self.kind == LayerKind::Labels;
+        if labels && self.images.iter().any(|i| format(i) != format(self.images[0])) {
+            return Err(Error::input(
+                format!("layer {}: label pictures of different channels or depths", self.name),
+                "Labels would change their numbers: save all of them in one format",
+            ));
+        }
+        Ok(())
+    }
+
+    /// How samples are read: what is no colour is neither light nor weighted by alpha.
+    fn reading(&self) -> Encoding {
+        match self.kind {
+            LayerKind::Color => self.encoding,
+            _ => Encoding { linear_light: false, alpha: Alpha::Data },
+        }
+    }
+
+    /// The mip chain of a picture; labels have none.
+    pub(super) fn chain(&self, image: &'a Image) -> Result<MipChain<'a>> {
+        match self.kind {
+            LayerKind::Labels => Ok(MipChain { image, encoding: self.reading(), levels: Vec::new(), repeats: true }),
+            _ => MipChain::new(image, self.reading()),
+        }
+    }
+
     /// Picture of each triangle of the source.
     pub(super) fn texture_of(&self, source: &Mesh) -> Vec<u32> {
+        if let Some(texture_of) = &self.face_texture {
+            return texture_of.clone();
+        }
         let of = |t| {
             let material = source.triangle_material(t) as usize;
             self.material_texture.get(material).copied().unwrap_or(self.default_texture)
@@ -146,7 +202,7 @@ pub(super) fn store(
 
 /// One texel: colours divided by alpha, rounded to nearest.
 #[inline]
-fn encode<T: Sample>(color: &[f32], out: &mut [T], encoding: Encoding) {
+pub(super) fn encode<T: Sample>(color: &[f32], out: &mut [T], encoding: Encoding) {
     let n = color.len();
     if !n.is_multiple_of(2) {
         for (out, &c) in out.iter_mut().zip(color) {

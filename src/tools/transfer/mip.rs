@@ -67,10 +67,12 @@ pub struct MipChain<'a> {
     pub encoding: Encoding,
     /// Levels 1, 2, ...
     pub levels: Vec<Level>,
+    /// Whether the picture repeats beyond its borders; else its border texels do.
+    pub repeats: bool,
 }
 
 impl<'a> MipChain<'a> {
-    /// The chain of `image`. O(texels), 4/3 bytes per sample of memory (f32, a third as many as in the picture).
+    /// The chain of `image`, which repeats. O(texels), 4/3 bytes per sample of memory (f32, a third as many as in the picture).
     ///
     /// # Errors
     /// If the picture's sizes and samples do not fit together.
@@ -90,7 +92,7 @@ impl<'a> MipChain<'a> {
             (Pixels::F32(v), 3) => levels::<f32, 3>(v, image, encoding),
             (Pixels::F32(v), _) => levels::<f32, 4>(v, image, encoding),
         };
-        Ok(Self { image, encoding, levels })
+        Ok(Self { image, encoding, levels, repeats: true })
     }
 
     /// Number of levels, the picture included.

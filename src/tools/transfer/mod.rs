@@ -15,20 +15,34 @@ pub mod gpu;
 pub mod mip;
 pub mod pad;
 pub mod sample;
+pub mod seams;
 pub mod tables;
+pub mod tiles;
 
 mod band;
+mod coordinates;
 mod driver;
+mod exact;
+mod fill;
+mod kind;
 mod layer;
+mod nearest;
+mod normal_code;
 mod plan;
+mod rebase;
+mod tally;
 
 pub use crate::tools::stopwatch::StageTime;
 pub use bins::UvRegion;
 pub use driver::{transfer, transfer_on};
+pub use fill::Fill;
+pub use kind::{LayerKind, NormalY, Relief};
 pub use layer::Layer;
 pub use mip::{Alpha, Encoding};
 pub use plan::memory_needed;
 pub use sample::Filter;
+pub use seams::{SeamSteps, seam_steps};
+pub use tiles::{TilesUsed, UvTile};
 
 use crate::raster::Image;
 
@@ -44,7 +58,7 @@ pub mod coverage {
     pub const NOTHING: u8 = 0;
     /// Copied from the nearest covered texel.
     pub const PADDING: u8 = 64;
-    /// Coloured, but the map does not vouch for it.
+    /// Coloured, but the map does not vouch for it; or filled.
     pub const DOUBTFUL: u8 = 128;
     /// Coloured, and the map vouches for it.
     pub const VALID: u8 = 255;
@@ -78,6 +92,12 @@ pub struct TransferOptions {
     pub taps: u32,
     /// What texels without colour get.
     pub background: Background,
+    /// What texels of charts without colour get: those whose map failed or led to a triangle without texture.
+    pub fill: Fill,
+    /// Fill texels that the map does not vouch for, too.
+    pub fill_doubtful: bool,
+    /// Whether an ST-map is made: [`TransferOutput::coordinates`].
+    pub coordinates: bool,
     /// Which part of the target's texture coordinates the result shows.
     pub region: UvRegion,
     /// Only the target's triangles of this material, if given.
@@ -96,6 +116,9 @@ impl Default for TransferOptions {
             filter: Filter::default(),
             taps: 16,
             background: Background::default(),
+            fill: Fill::default(),
+            fill_doubtful: false,
+            coordinates: false,
             region: UvRegion::default(),
             material: None,
             memory: 4 << 30,
@@ -110,6 +133,10 @@ pub struct TransferOutput {
     pub layers: Vec<Image>,
     /// 8-bit grey with the values of [`coverage`].
     pub coverage: Image,
+    /// The ST-map, if [`TransferOptions::coordinates`] asks for it: a float picture with the source's texture coordinates u (right) and v (up)
+    /// in red and green, the coverage over 255 in blue, and alpha 1 where there are coordinates. They are 0..1 in the source's picture; for
+    /// sources with UDIM tiles ([`Layer::face_texture`]) those of the file. Sampled at the texels' centres, padded like the pictures, never filled.
+    pub coordinates: Option<Image>,
     /// Counts, fractions and times.
     pub stats: TransferStats,
 }
@@ -131,8 +158,12 @@ pub struct TransferStats {
     pub doubtful: u64,
     /// Covered texels whose map failed or led to a triangle without texture.
     pub colorless: u64,
+    /// Texels filled by [`TransferOptions::fill`], in some layer.
+    pub filled: u64,
     /// Texels filled by padding.
     pub padded: u64,
+    /// Covered area of the target, in units of the square of the longest side of the source's box; areas of the target are scaled to the source's whole area.
+    pub covered_area: f64,
     /// Valid share of the covered area of the target.
     pub valid_fraction: f64,
     /// Doubtful share of the covered area of the target.
@@ -143,6 +174,9 @@ pub struct TransferStats {
     pub degenerate_texcoords: u64,
     /// Triangles of the target that are clockwise in texture coordinates.
     pub mirrored_texcoords: u64,
+    /// Length on the target per length on the source, over all, where normals or heights were carried: the strength of a displacement map is
+    /// to be multiplied by it.
+    pub size_ratio: Option<f64>,
     /// Bytes planned for, at most the limit.
     pub memory: u64,
     /// Bands of rows the result was made in.
@@ -151,6 +185,6 @@ pub struct TransferStats {
     pub stages: Vec<StageTime>,
     /// Stages that ran on a device, the map aside.
     pub device_stages: Vec<&'static str>,
-    /// Why stages that were to run on a device did not, a line each.
+    /// Why stages that were to run on a device did not, or holes were not filled, a line each.
     pub notes: Vec<String>,
 }

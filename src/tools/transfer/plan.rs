@@ -4,7 +4,7 @@ use super::bins::Atlas;
 use super::gpu::Stages;
 use super::mip::MipChain;
 use super::tables::{SourceTriangle, TargetTriangle};
-use super::{Layer, TransferOptions};
+use super::{Layer, TransferOptions, rebase};
 use crate::error::{Error, Result};
 use crate::geometry::Mesh;
 
@@ -31,10 +31,10 @@ pub(super) struct Plan {
 }
 
 /// Bytes that stay allocated throughout: results, mip chains, tables of triangles.
-fn fixed(source: &Mesh, layers: &[Layer<'_>], target: &Mesh, options: &TransferOptions) -> u64 {
+pub(super) fn fixed(source: &Mesh, layers: &[Layer<'_>], target: &Mesh, options: &TransferOptions) -> u64 {
     let texels = u64::from(options.width) * u64::from(options.height);
     let (s, t) = (source.triangle_count() as u64, target.triangle_count() as u64);
-    let mut bytes = texels;
+    let mut bytes = texels * if options.coordinates { 17 } else { 1 };
     for layer in layers {
         let (channels, depth) = layer.output_format(options.background);
         bytes += texels * u64::from(channels) * depth.bytes() as u64 + 4 * s;
@@ -44,6 +44,9 @@ fn fixed(source: &Mesh, layers: &[Layer<'_>], target: &Mesh, options: &TransferO
     bytes += s * size_of::<SourceTriangle>() as u64 + grids * t * size_of::<TargetTriangle>() as u64;
     // Triangles in the texture, once each; repeats come out of what is left.
     bytes += grids * t * Atlas::RECORD as u64;
+    if layers.iter().any(|l| rebase::needs_frames(l.kind)) {
+        bytes += rebase::bytes(source, target);
+    }
     bytes + 3 * s.max(t) * CHART_CORNER
 }
 

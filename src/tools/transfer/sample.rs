@@ -88,6 +88,7 @@ fn run<T: Sample, const C: usize>(
         base,
         size: [chain.image.width, chain.image.height],
         levels: &chain.levels,
+        repeats: chain.repeats,
         encoding: chain.encoding,
     };
     footprints.par_chunks(TASK).zip(colors.par_chunks_mut(TASK * stride)).for_each(|(footprints, colors)| {
@@ -121,6 +122,20 @@ pub(super) fn widen(color: &[f32], out: &mut [f32]) {
     }
 }
 
+/// [`widen`] for stored samples, of which `full` is the largest.
+#[inline(always)]
+pub(super) fn widen_samples<T: Copy>(color: &[T], out: &mut [T], full: T) {
+    let (n, m) = (color.len(), out.len());
+    let colors = if n.is_multiple_of(2) { n - 1 } else { n };
+    let out_colors = if m.is_multiple_of(2) { m - 1 } else { m };
+    for (c, out) in out[..out_colors].iter_mut().enumerate() {
+        *out = color[c.min(colors - 1)];
+    }
+    if out_colors < m {
+        out[m - 1] = if colors < n { color[n - 1] } else { full };
+    }
+}
+
 /// The level and the taps of a footprint, in texels of level 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Taps {
@@ -136,10 +151,11 @@ struct Taps {
 
 impl Taps {
     #[inline]
-    fn new(f: &Footprint, size: [u32; 2], params: &SampleParams) -> Self {
+    fn new(f: &Footprint, size: [u32; 2], repeats: bool, params: &SampleParams) -> Self {
         let s = size.map(|n| n as f32);
         // Far repeats would lose the fraction of a texel, and in the end leave the range of integers.
-        let centre = [0, 1].map(|a| (f.centre[a] - floor(f.centre[a]) as f32) * s[a]);
+        let within = |x: f32| if repeats { x - floor(x) as f32 } else { x.clamp(0.0, 1.0) };
+        let centre = [0, 1].map(|a| within(f.centre[a]) * s[a]);
         let one = |level: f32| Self { centre, level, count: [1; 2], sides: [[0.0; 2]; 2] };
         if params.filter == Filter::Bilinear {
             return one(0.0);
@@ -187,12 +203,13 @@ struct Texture<'a, T, const C: usize> {
     base: &'a [T],
     size: [u32; 2],
     levels: &'a [Level],
+    repeats: bool,
     encoding: Encoding,
 }
 
 impl<T: Sample, const C: usize> Texture<'_, T, C> {
     fn sample(&self, f: &Footprint, params: &SampleParams) -> [f32; C] {
-        let taps = Taps::new(f, self.size, params);
+        let taps = Taps::new(f, self.size, self.repeats, params);
         let level = taps.level.min(self.levels.len() as f32);
         let lower = floor(level).max(0) as usize;
         let fraction = level - lower as f32;
@@ -218,15 +235,15 @@ impl<T: Sample, const C: usize> Texture<'_, T, C> {
         sum
     }
 
-    /// The four texels of a level around a point given in texels of level 0; the texture repeats.
+    /// The four texels of a level around a point given in texels of level 0.
     #[inline(always)]
     fn bilinear(&self, level: usize, p: [f32; 2]) -> [f32; C] {
         if level == 0 {
-            bilinear(self.size, p, |t| self.encoding.decode::<T, C>(&self.base[t * C..t * C + C]))
+            bilinear(self.size, self.repeats, p, |t| self.encoding.decode::<T, C>(&self.base[t * C..t * C + C]))
         } else {
             let l = &self.levels[level - 1];
             let q = [0, 1].map(|a| p[a] * ([l.width, l.height][a] as f32 / self.size[a] as f32));
-            bilinear([l.width, l.height], q, |t| {
+            bilinear([l.width, l.height], self.repeats, q, |t| {
                 let mut texel = [0.0; C];
                 texel.copy_from_slice(&l.texels[t * C..t * C + C]);
                 texel
@@ -242,21 +259,25 @@ fn floor(x: f32) -> i32 {
     toward_zero.saturating_sub(i32::from(toward_zero as f32 > x))
 }
 
-/// `index` modulo `n`, not negative.
+/// The texel that stands for one beyond the picture: `index` modulo `n` if the picture repeats, else the one at its border.
 #[inline]
-fn wrap(index: i32, n: u32) -> usize {
-    if (0..n as i32).contains(&index) { index as usize } else { index.rem_euclid(n as i32) as usize }
+fn wrap(index: i32, n: u32, repeats: bool) -> usize {
+    match index {
+        _ if (0..n as i32).contains(&index) => index as usize,
+        _ if repeats => index.rem_euclid(n as i32) as usize,
+        _ => index.clamp(0, n as i32 - 1) as usize,
+    }
 }
 
 #[inline(always)]
-fn bilinear<const C: usize>(size: [u32; 2], p: [f32; 2], texel: impl Fn(usize) -> [f32; C]) -> [f32; C] {
+fn bilinear<const C: usize>(size: [u32; 2], repeats: bool, p: [f32; 2], texel: impl Fn(usize) -> [f32; C]) -> [f32; C] {
     let x = p[0] - 0.5;
     let y = p[1] - 0.5;
     let (fx, fy) = (floor(x), floor(y));
     let (wx, wy) = (x - fx as f32, y - fy as f32);
-    let (x0, x1) = (wrap(fx, size[0]), wrap(fx.saturating_add(1), size[0]));
+    let (x0, x1) = (wrap(fx, size[0], repeats), wrap(fx.saturating_add(1), size[0], repeats));
     let w = size[0] as usize;
-    let (y0, y1) = (wrap(fy, size[1]) * w, wrap(fy.saturating_add(1), size[1]) * w);
+    let (y0, y1) = (wrap(fy, size[1], repeats) * w, wrap(fy.saturating_add(1), size[1], repeats) * w);
     let (t00, t01, t10, t11) = (texel(y0 + x0), texel(y0 + x1), texel(y1 + x0), texel(y1 + x1));
     let mut out = [0.0; C];
     for c in 0..C {

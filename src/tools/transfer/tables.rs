@@ -1,9 +1,12 @@
 //! What texel kernels look up by triangle: the source's geometry and texture coordinates, the target's texel sizes.
 
+use std::collections::HashMap;
+
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec2, DVec3};
 
 use super::charts::charts;
+use super::tiles::UvTile;
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, NONE};
 
@@ -63,14 +66,18 @@ fn check_positions(mesh: &Mesh) -> Result<()> {
     Ok(())
 }
 
-/// The table of the source; `size` gives width and height of the picture of a triangle.
+/// The table of the source; `size` gives width and height of the picture of a triangle. With `tiled`, charts end at the borders of unit squares
+/// and are shifted by the corners of theirs ([`UvTile`]), so that a picture's own coordinates lie in 0..1.
 ///
 /// # Errors
 /// If a position, or a texture coordinate of a textured triangle, is not finite, or a texture coordinate is beyond 1e6.
-pub fn source_triangles(mesh: &Mesh, size: impl Fn(usize) -> [u32; 2]) -> Result<Vec<SourceTriangle>> {
+pub fn source_triangles(mesh: &Mesh, tiled: bool, size: impl Fn(usize) -> [u32; 2]) -> Result<Vec<SourceTriangle>> {
     check_positions(mesh)?;
     let (centre, scale) = frame(mesh);
-    let chart = charts(mesh);
+    let mut chart = charts(mesh);
+    if tiled {
+        cut_at_tiles(mesh, &mut chart);
+    }
     let mut low = vec![DVec2::INFINITY; chart.iter().filter(|&&c| c != NONE).max().map_or(0, |&c| c as usize + 1)];
     let texcoords = |t: usize| mesh.triangle_texcoords(t).map(|uv| uv.map(|p| DVec2::new(p.x, 1.0 - p.y)));
     for (t, &c) in chart.iter().enumerate() {
@@ -96,7 +103,12 @@ pub fn source_triangles(mesh: &Mesh, size: impl Fn(usize) -> [u32; 2]) -> Result
             stretch: (f64::from(size(t)[0]) / f64::from(size(t)[1])).sqrt() as f32,
         };
         let Some(uv) = texcoords(t) else { return out };
-        let shift = low[chart[t] as usize].floor();
+        let shift = if tiled {
+            let tile = UvTile::of(&uv.map(|p| DVec2::new(p.x, 1.0 - p.y)));
+            DVec2::new(f64::from(tile.u), -f64::from(tile.v))
+        } else {
+            low[chart[t] as usize].floor()
+        };
         out.texcoord = uv.map(|q| [(q.x - shift.x) as f32, (q.y - shift.y) as f32]);
         let (e, f) = (p[1] - p[0], p[2] - p[0]);
         let (a, b) = (uv[1] - uv[0], uv[2] - uv[0]);
@@ -114,6 +126,17 @@ pub fn source_triangles(mesh: &Mesh, size: impl Fn(usize) -> [u32; 2]) -> Result
         out
     };
     Ok((0..mesh.triangle_count()).map(triangle).collect())
+}
+
+/// Makes the parts of a chart in different unit squares different charts.
+fn cut_at_tiles(mesh: &Mesh, chart: &mut [u32]) {
+    let mut parts: HashMap<(u32, UvTile), u32> = HashMap::new();
+    for (t, chart) in chart.iter_mut().enumerate() {
+        if let Some(uv) = mesh.triangle_texcoords(t) {
+            let next = parts.len() as u32;
+            *chart = *parts.entry((*chart, UvTile::of(&uv))).or_insert(next);
+        }
+    }
 }
 
 /// The table of the target for a texture of `width` x `height` texels.

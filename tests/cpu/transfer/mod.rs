@@ -3,8 +3,10 @@
 mod atlas;
 mod cases;
 mod filter;
+mod kinds;
 mod pictures;
 mod real;
+mod seams;
 mod whole;
 
 use crate::common::flat::{Random, grid, soup};

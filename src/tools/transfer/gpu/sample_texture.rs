@@ -261,7 +261,7 @@ impl<'a> Sampler<'a> {
             while next < footprints.len() && part.len() < MOST_TEXELS {
                 let f = &footprints[next];
                 if f.face != NONE && texture_of[f.face as usize] == params.texture {
-                    if plain(f, size) {
+                    if plain(f, size) && (chain.repeats || inside(f, size)) {
                         part.push(next as u32);
                         self.records.push(FootprintRecord { centre: f.centre, dx: f.dx, dy: f.dy, unused: [0.0; 2] });
                     } else {
@@ -295,6 +295,14 @@ impl<'a> Sampler<'a> {
         self.left += rest.len() as u64;
         Ok(())
     }
+}
+
+/// Whether no tap of a footprint comes near the picture's borders, beyond which the kernel repeats it.
+fn inside(f: &Footprint, size: [f32; 2]) -> bool {
+    let sum = |v: [f32; 2]| v[0].abs() * size[0] + v[1].abs() * size[1];
+    // Taps lie within the footprint; a texel of the upper one of two levels has at most twice its width.
+    let reach = 4.0 * (sum(f.dx) + sum(f.dy)) + 2.0;
+    (0..2).all(|a| f.centre[a] * size[a] >= reach && f.centre[a] * size[a] <= size[a] - reach)
 }
 
 /// Whether the kernel takes a footprint on a picture of this size.
