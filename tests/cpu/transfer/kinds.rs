@@ -9,6 +9,7 @@ use barymap::surface::anchors::vertex_point;
 use barymap::surface::correspondence::{CorrespondenceOptions, Method, Shape, correspondence};
 use barymap::surface::quality::vertex_normals;
 use barymap::surface::{AnchorPairs, Embedding, EmbeddingOptions};
+use barymap::tools::attributes::{Attribute, AttributeKind, Fill, VertexStatus, transfer_attributes};
 use barymap::tools::transfer::{Background, Layer, LayerKind, TransferOptions, coverage, transfer};
 use glam::DVec3;
 
@@ -51,6 +52,23 @@ fn regions(mesh: &Mesh, count: usize) -> Image {
         labels[i] = nearest.expect("seeds") as u8 + 1;
     }
     Image::new(SIZE, SIZE, 1, Pixels::U8(labels)).expect("picture")
+}
+
+/// Smooth weights of bones at vertices far from one another: the four largest, of sum 1.
+fn skin(mesh: &Mesh, bones: usize) -> Vec<f64> {
+    let seeds = farthest_points(&Geodesics::new(&mesh.positions, &mesh.triangles()), 0, bones);
+    let (low, high) = mesh.bounds().expect("vertices");
+    let width = 0.07 * (high - low).max_element();
+    let rows = mesh.positions.iter().flat_map(|p| {
+        let mut row: Vec<f64> =
+            seeds.iter().map(|&s| (-0.5 * (mesh.positions[s as usize].distance(*p) / width).powi(2)).exp()).collect();
+        let mut sorted = row.clone();
+        sorted.sort_by(|a, b| b.total_cmp(a));
+        row.iter_mut().filter(|w| **w < sorted[3]).for_each(|w| *w = 0.0);
+        let sum: f64 = row.iter().sum();
+        row.into_iter().map(move |w| w / sum)
+    });
+    rows.collect()
 }
 
 /// Median angle in degrees, over the surface, between the normals that two maps shade `mesh` with.
@@ -129,4 +147,22 @@ fn normals_and_labels_of_a_person_on_another() {
     );
     assert!(angle <= 3.0 && wrong > 2.0 * angle, "{angle} {wrong}");
     assert!(right >= 0.98 * all, "{}", right / all);
+
+    // Weights of 30 bones and the heaviest bone, on the vertices; vertex i is vertex i.
+    let weights: Vec<f64> = skin(source, 30);
+    let heaviest = |row: &[f64]| (0..30).max_by(|&a, &b| row[a].total_cmp(&row[b])).map_or(f64::NAN, |k| k as f64);
+    let bones: Vec<f64> = weights.chunks_exact(30).map(heaviest).collect();
+    let given = [
+        Attribute { name: "weights".into(), kind: AttributeKind::Weights { keep: 4 }, columns: 30, values: weights },
+        Attribute { name: "bones".into(), kind: AttributeKind::Labels, columns: 1, values: bones },
+    ];
+    let sides = ((source, &topologies[0]), (target, &topologies[1]));
+    let out = transfer_attributes(sides.0, sides.1, map.as_ref(), &given, Fill::Smooth).expect("attributes");
+    let count = target.vertex_count() as f64;
+    let pairs = given[0].values.iter().zip(&out.attributes[0].values);
+    let off = pairs.map(|(a, b)| (a - b).abs()).sum::<f64>() / count;
+    let same = given[1].values.iter().zip(&out.attributes[1].values).filter(|(a, b)| a == b).count() as f64 / count;
+    println!("  weights off by {off:.3} in all, the heaviest bone right at {:.1} % of the vertices", 100.0 * same);
+    assert!(off < 0.08 && same > 0.95, "{off} {same}");
+    assert_eq!(out.count(VertexStatus::Failed) + out.count(VertexStatus::Doubtful), 0);
 }
