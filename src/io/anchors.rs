@@ -56,6 +56,50 @@ pub struct ResolvedAnchor {
     pub snap_distance: f64,
 }
 
+/// What a file says of a pair beside its points; readers pass over it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PairRemark {
+    /// Where the pair comes from, in a word.
+    pub origin: &'static str,
+    /// The error expected, over the square root of the source's area.
+    pub expected_error: f64,
+    /// Why the pair is doubtful; `None` where nothing speaks against it.
+    pub flagged: Option<String>,
+}
+
+/// Writes pairs as JSON, whole or not at all: `"source"` and `"target"` as [`read_pairs`] takes them (vertices by index), and a list `"pairs"` with a remark on each.
+///
+/// # Errors
+/// [`Error::Io`].
+///
+/// # Panics
+/// If the numbers of points and remarks differ or a point is not on its mesh.
+pub fn write_pairs(
+    path: impl AsRef<Path>,
+    source: (&Mesh, &[SurfacePoint]),
+    target: (&Mesh, &[SurfacePoint]),
+    remarks: &[PairRemark],
+) -> Result<()> {
+    assert!(source.1.len() == target.1.len() && target.1.len() == remarks.len(), "one remark for each pair");
+    let points = |(mesh, points): (&Mesh, &[SurfacePoint])| -> Value {
+        let entry = |p: &SurfacePoint| match p.barycentric.iter().position(|b| *b == 1.0) {
+            Some(k) => Value::from(mesh.triangle(p.face as usize)[k]),
+            None => serde_json::json!({"face": p.face, "barycentric": p.barycentric}),
+        };
+        points.iter().map(entry).collect()
+    };
+    let remark = |r: &PairRemark| {
+        let mut value = serde_json::json!({"origin": r.origin, "expected_error": r.expected_error});
+        if let Some(why) = &r.flagged {
+            value["flagged"] = Value::from(why.as_str());
+        }
+        value
+    };
+    let pairs: Value = remarks.iter().map(remark).collect();
+    let value = serde_json::json!({"source": points(source), "target": points(target), "pairs": pairs});
+    super::report::write_report(path, &value)
+}
+
 /// Reads pairs of anchors from a file, or from two files `S,T`.
 ///
 /// # Errors

@@ -1,4 +1,5 @@
 //! What users do: combinations of the methods.
+pub mod anchors;
 pub mod animate;
 pub mod attributes;
 pub mod cover;

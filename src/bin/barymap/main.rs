@@ -1,5 +1,6 @@
 //! The command line of barymap.
 
+mod anchors;
 mod animate;
 mod attributes;
 mod cage_map;
@@ -52,6 +53,8 @@ enum Command {
     Weights(weights::InverseArguments),
     /// What the anchors of a mesh cover, and where one is missing
     Check(check::Arguments),
+    /// Anchors proposed from a few pairs or none, wrong ones named, the next ones suggested
+    Anchors(anchors::Arguments),
     /// Where the points of one mesh lie on another
     Map(map::Arguments),
     /// Transfers a texture from one mesh to a different one
@@ -81,6 +84,7 @@ fn run(cli: &Cli) -> Result<()> {
         Command::Average(a) => weights::forward(common, a),
         Command::Weights(a) => weights::inverse(common, a),
         Command::Check(a) => check::run(common, a),
+        Command::Anchors(a) => anchors::run(common, a),
         Command::Map(a) => map::run(common, a),
         Command::Transfer(a) => transfer::run(common, a),
         Command::Attributes(a) => attributes::run(common, a),

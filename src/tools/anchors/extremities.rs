@@ -13,6 +13,9 @@ const MOST: usize = 48;
 /// Least height of a peak above the saddle that joins it to a higher one, at unit area.
 const LEAST: f64 = 0.012;
 
+/// What counts as hardly lower than a tip.
+const LEVEL: f64 = 0.003;
+
 /// A tip.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Extremity {
@@ -20,8 +23,8 @@ pub struct Extremity {
     pub vertex: u32,
     /// Height above the saddle that joins it to a higher peak, at unit area: about the length of the limb.
     pub height: f64,
-    /// Mean distance to the rest of its component, at unit area.
-    pub eccentricity: f64,
+    /// Radius of the part around it that is hardly lower: how far its place is uncertain, at unit area.
+    pub extent: f64,
 }
 
 /// The tips of a surface, longest limb first; components too small to carry one have none.
@@ -45,7 +48,7 @@ pub(super) fn extremities(side: &Side<'_>, geodesics: &Geodesics) -> Vec<Extremi
             average[v] = rows.iter().map(|r| r[v]).filter(|d| d.is_finite()).sum::<f64>() / rows.len() as f64;
         }
     }
-    let mut found = peaks(side, &average);
+    let mut found = peaks(side, &average, LEVEL);
     found.retain(|e| e.height >= LEAST);
     found.truncate(MOST);
     found
@@ -53,17 +56,14 @@ pub(super) fn extremities(side: &Side<'_>, geodesics: &Geodesics) -> Vec<Extremi
 
 /// Peaks of a function on the vertices with their persistence (0-dimensional, of superlevel sets), highest persistence first. The highest of each component persists
 /// to its lowest value.
-pub(super) fn peaks(side: &Side<'_>, f: &[f64]) -> Vec<Extremity> {
+pub(super) fn peaks(side: &Side<'_>, f: &[f64], level: f64) -> Vec<Extremity> {
     let n = f.len();
     let mut order: Vec<u32> = (0..n as u32).filter(|&v| side.topology.vertex_component[v as usize] != NONE).collect();
     order.sort_by(|&a, &b| f[b as usize].total_cmp(&f[a as usize]).then(a.cmp(&b)));
     let mut parent: Vec<u32> = vec![NONE; n];
     let mut out = Vec::new();
-    let peak = |vertex: u32, below: f64| Extremity {
-        vertex,
-        height: f[vertex as usize] - below,
-        eccentricity: f[vertex as usize],
-    };
+    let peak =
+        |vertex: u32, below: f64| Extremity { vertex, height: f[vertex as usize] - below, extent: f64::INFINITY };
     for &v in &order {
         parent[v as usize] = v;
         for &t in side.topology.vertex_triangles(v) {
@@ -91,8 +91,32 @@ pub(super) fn peaks(side: &Side<'_>, f: &[f64]) -> Vec<Extremity> {
             out.push(peak(first, f[last as usize]));
         }
     }
+    for e in &mut out {
+        e.extent = extent(side, f, e.vertex, level);
+    }
     out.sort_by(|a, b| b.height.total_cmp(&a.height).then(a.vertex.cmp(&b.vertex)));
     out
+}
+
+/// Greatest distance from `peak` of the part around it that is lower by at most `level`; looked at up to a quarter of the square root of the area.
+fn extent(side: &Side<'_>, f: &[f64], peak: u32, level: f64) -> f64 {
+    let mut seen = std::collections::BTreeSet::from([peak]);
+    let mut stack = vec![peak];
+    let mut far: f64 = 0.0;
+    while let Some(v) = stack.pop() {
+        for &t in side.topology.vertex_triangles(v) {
+            for w in side.topology.triangles[t as usize] {
+                if f[w as usize] >= f[peak as usize] - level && seen.insert(w) {
+                    far = far.max(side.positions[w as usize].distance(side.positions[peak as usize]));
+                    if far > 0.25 {
+                        return far;
+                    }
+                    stack.push(w);
+                }
+            }
+        }
+    }
+    far
 }
 
 fn root(parent: &mut [u32], mut v: u32) -> u32 {

@@ -6,6 +6,12 @@ use crate::geometry::Geodesics;
 
 /// Least height of a peak of the relief.
 const LEAST: f64 = 0.1;
+/// The same of pits.
+const LEAST_PIT: f64 = 0.2;
+/// What counts as hardly lower than a peak of the relief.
+const LEVEL: f64 = 0.04;
+/// Marks less certain of their place are left out.
+const BLURRED: f64 = 0.03;
 
 /// What a mark is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,6 +31,8 @@ pub(super) struct Mark {
     pub(super) kind: Kind,
     /// How far it stands out; tips by three times their length over the root of the area, so that the thresholds of the relief serve.
     pub(super) height: f64,
+    /// How far its place is uncertain.
+    pub(super) extent: f64,
     /// Relief along the normal at all scales.
     signature: [f64; SCALES.len()],
 }
@@ -47,6 +55,7 @@ pub(super) fn marks(side: &Side<'_>) -> Vec<Mark> {
         vertex: e.vertex,
         kind,
         height: factor * e.height,
+        extent: e.extent,
         signature: signature(e.vertex),
     };
     let mut all: Vec<Mark> = extremities(side, &geodesics).iter().map(|e| mark(e, Kind::Tip, 10.0)).collect();
@@ -54,8 +63,14 @@ pub(super) fn marks(side: &Side<'_>) -> Vec<Mark> {
         for sign in [1.0, -1.0] {
             let f: Vec<f64> = (0..side.positions.len()).map(|v| sign * relief(k, v)).collect();
             let kind = if sign > 0.0 { Kind::Peak(k) } else { Kind::Pit(k) };
-            all.extend(peaks(side, &f).iter().filter(|e| e.height >= LEAST).map(|e| mark(e, kind, 1.0)));
+            all.extend(
+                peaks(side, &f, LEVEL)
+                    .iter()
+                    .filter(|e| e.height >= if sign > 0.0 { LEAST } else { LEAST_PIT })
+                    .map(|e| mark(e, kind, 1.0)),
+            );
         }
     }
+    all.retain(|m| m.extent <= BLURRED);
     all
 }

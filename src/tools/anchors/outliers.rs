@@ -25,8 +25,9 @@ const MOST: usize = 16;
 const FEWEST: usize = 6;
 
 /// Names the pairs that the others contradict, worst first.
-pub(super) fn outliers(source: Shape<'_>, target: Shape<'_>, pairs: &AnchorPairs, _given: usize) -> Result<Vec<Outlier>> {
-    let options = CorrespondenceOptions { method: Method::Field, confidence: false, ..CorrespondenceOptions::default() };
+pub(super) fn outliers(source: Shape<'_>, target: Shape<'_>, pairs: &AnchorPairs) -> Result<Vec<Outlier>> {
+    let options =
+        CorrespondenceOptions { method: Method::Field, confidence: false, ..CorrespondenceOptions::default() };
     let length = target.mesh.area().sqrt();
     let mut kept: Vec<usize> = (0..pairs.len()).collect();
     let mut out = Vec::new();

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::marks::{Mark, marks};
+use super::marks::{Kind, Mark, marks};
 use super::outliers::{Outlier, outliers};
 use super::register::{Hold, Registration, register};
 use super::side::Side;
@@ -20,9 +20,19 @@ const ROUNDS: [(f64, f64); 4] = [(0.10, 0.35), (0.06, 0.2), (0.04, 0.1), (0.03, 
 /// A partner is taken if the next best costs this many times as much.
 const DISTINCT: f64 = 1.4;
 /// Largest cost of a partner.
-const DEAREST: f64 = 1.0;
+const DEAREST: f64 = 0.75;
+/// The same of pits, which folds of the skin make and unmake.
+const DEAREST_PIT: f64 = 0.3;
+/// Marks that differ by more are no partners.
+const UNLIKE: f64 = 0.15;
+/// Expected error of a mark per unit of cost.
+const EXPECTED: f64 = 0.02;
 /// Marks nearer to an anchor than this part of the spacing add nothing.
 const CROWDED: f64 = 0.2;
+/// Places that mismatch and slope of the relief leave more uncertain are passed over, at unit area.
+const SIGMA: f64 = 0.006;
+/// Places that the two registrations do not bring back as near are passed over.
+const CYCLE: f64 = 0.003;
 /// An expected error above this part of the square root of the area is flagged.
 const DOUBTFUL: f64 = 0.02;
 
@@ -87,13 +97,11 @@ impl Growing<'_, '_> {
     /// Whether a point of surface `side` lies within `distance` of a pair.
     fn crowded(&self, side: usize, p: DVec3, distance: f64) -> bool {
         let s = &self.couple.sides[side];
-        self.pairs
-            .iter()
-            .any(|q| s.position(if side == 0 { &q.source } else { &q.target }).distance(p) < distance)
+        self.pairs.iter().any(|q| s.position(if side == 0 { &q.source } else { &q.target }).distance(p) < distance)
     }
 
     /// Matches the marks of both surfaces through the maps.
-    fn match_marks(&mut self, all: &[Vec<Mark>; 2], radius: f64, least: f64, spacing: f64) -> Result<usize> {
+    fn match_marks(&mut self, all: &[Vec<Mark>; 2], radius: f64, least: f64, spacing: f64) -> Result<()> {
         let anchors = self.anchors();
         let (forward, backward) = (self.couple.images(&anchors, 0)?, self.couple.images(&anchors, 1)?);
         let [source, target] = &self.couple.sides;
@@ -110,10 +118,10 @@ impl Growing<'_, '_> {
             if a.kind != b.kind {
                 return f64::INFINITY;
             }
-            let off = p
-                .distance(source.positions[a.vertex as usize])
-                .max(q.distance(target.positions[b.vertex as usize]));
-            off / radius + a.difference(b)
+            let off =
+                p.distance(source.positions[a.vertex as usize]).max(q.distance(target.positions[b.vertex as usize]));
+            let unlike = a.difference(b);
+            if unlike > UNLIKE { f64::INFINITY } else { off / radius + unlike }
         };
         let best = |costs: &mut dyn Iterator<Item = (f64, usize)>| -> Option<(f64, usize, f64)> {
             let (mut first, mut second) = ((f64::INFINITY, usize::MAX), f64::INFINITY);
@@ -130,12 +138,12 @@ impl Growing<'_, '_> {
         for t in 0..on_target.len() {
             let Some((c, s, next)) = best(&mut (0..on_source.len()).map(|s| (cost(s, t), s))) else { continue };
             let Some((_, back, other)) = best(&mut (0..on_target.len()).map(|t| (cost(s, t), t))) else { continue };
-            if back == t && next.min(other) > DISTINCT * c {
+            let dearest = if matches!(on_target[t].kind, Kind::Pit(_)) { DEAREST_PIT } else { DEAREST };
+            if back == t && c <= dearest && next.min(other) > DISTINCT * c {
                 found.push((c, s, t));
             }
         }
         found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.2.cmp(&b.2)));
-        let mut added = 0;
         for (c, s, t) in found {
             let (s, t) = (on_source[s], on_target[t]);
             let apart = CROWDED * spacing;
@@ -144,29 +152,28 @@ impl Growing<'_, '_> {
             {
                 continue;
             }
+            let expected_error = (EXPECTED * c).max(0.5 * s.extent.min(t.extent));
             let (Some(source), Some(target)) =
                 (source.topology.vertex_point(s.vertex), target.topology.vertex_point(t.vertex))
             else {
                 continue;
             };
-            let origin = Origin::Mark;
-            self.pairs.push(Proposed { source, target, origin, expected_error: 0.02 * c, flagged: None });
-            added += 1;
+            self.pairs.push(Proposed { source, target, origin: Origin::Mark, expected_error, flagged: None });
         }
-        Ok(added)
+        Ok(())
     }
 
     /// Takes out marks that the others contradict.
-    fn drop_contradicted(&mut self, given: usize) -> Result<usize> {
+    fn drop_contradicted(&mut self, given: usize) -> Result<()> {
         let [s, t] = self.couple.shapes;
-        let wrong: Vec<Outlier> = outliers(s, t, &self.anchors(), given)?;
+        let wrong: Vec<Outlier> = outliers(s, t, &self.anchors())?;
         let indices: Vec<usize> = wrong.iter().map(|o| o.index).filter(|i| *i >= given).collect();
         let mut k = 0;
         self.pairs.retain(|_| {
             k += 1;
             !indices.contains(&(k - 1))
         });
-        Ok(indices.len())
+        Ok(())
     }
 }
 
@@ -174,69 +181,56 @@ impl Growing<'_, '_> {
 pub(super) fn propose(
     couple: &Couple<'_>,
     seeds: &AnchorPairs,
+    origin: Origin,
     options: &AnchorOptions,
     progress: &dyn Progress,
 ) -> Result<Proposal> {
     let given = seeds.len();
-    let mut growing = Growing {
-        couple,
-        pairs: (0..given)
-            .map(|i| Proposed {
-                source: seeds.source[i],
-                target: seeds.target[i],
-                origin: Origin::Given,
-                expected_error: 0.0,
-                flagged: None,
-            })
-            .collect(),
-    };
-    let spacing = 1.0 / (options.count.max(1) as f64).sqrt();
+    let points = seeds.source.iter().zip(&seeds.target);
+    let pairs = points
+        .map(|(&source, &target)| Proposed { source, target, origin, expected_error: 0.0, flagged: None })
+        .collect();
+    let mut growing = Growing { couple, pairs };
+    let spacing = 1.0 / (options.count as f64).sqrt();
     let all = [marks(&couple.sides[0]), marks(&couple.sides[1])];
-    progress.stage("proposing anchors", ROUNDS.len() as u64 + 2);
-    let mut notes = Vec::new();
+    progress.stage("proposing anchors", ROUNDS.len() as u64 + 3);
     for (radius, least) in ROUNDS {
-        growing.match_marks(&all, radius, least, spacing)?;
-        growing.drop_contradicted(given)?;
+        if growing.pairs.len() < options.count {
+            growing.match_marks(&all, radius, least, spacing)?;
+        }
         progress.advance(1);
-    }
-    // What no mark stands at is placed by the relief around it.
-    let marked = growing.anchors();
-    let mut start = [couple.images(&marked, 0)?, couple.images(&marked, 1)?];
-    for _ in 0..options.registrations {
-        let both: Vec<Registration> = (0..2)
-            .map(|to| {
-                let (a, b) = (&couple.sides[to], &couple.sides[1 - to]);
-                register(a, b, &start[to], &couple.holds(&marked, to), &options.registration)
-            })
-            .collect::<Result<_>>()?;
-        progress.advance(1);
-        let reliable = Reliability::new(couple, &both);
-        let kept = growing.pairs.clone();
-        growing.pairs.truncate(marked.len());
-        place(&mut growing, &both[0], &reliable, options, spacing);
-        let _ = kept;
-        let now = growing.anchors();
-        start = [couple.images(&now, 0)?, couple.images(&now, 1)?];
     }
     growing.drop_contradicted(given)?;
-    // The given pairs stay; of the others the best spread ones.
+    progress.advance(1);
+    // What no mark stands at is placed by the relief around it.
+    if growing.pairs.len() < options.count {
+        let marked = growing.anchors();
+        let mut both = Vec::new();
+        for to in 0..2 {
+            let start = couple.images(&marked, to)?;
+            let (a, b) = (&couple.sides[to], &couple.sides[1 - to]);
+            both.push(register(a, b, &start, &couple.holds(&marked, to))?);
+            progress.advance(1);
+        }
+        place(&mut growing, &both[0], &Reliability::new(couple, &both), options, spacing);
+        growing.drop_contradicted(given)?;
+    }
     let mut pairs = growing.pairs;
     if pairs.len() > options.count.max(given) {
         pairs = spread(couple, pairs, given, options.count);
     }
-    for p in pairs.iter_mut().skip(given) {
-        if p.expected_error > DOUBTFUL {
-            p.flagged = Some(format!("may be off by {:.3} of the square root of the area", p.expected_error));
-        }
+    for p in pairs.iter_mut().skip(given).filter(|p| p.expected_error > DOUBTFUL) {
+        p.flagged = Some(format!("may be off by {:.3} of the square root of the area", p.expected_error));
     }
+    let mut notes = Vec::new();
     if pairs.len() < options.count {
         notes.push(format!(
-            "{} of {} pairs: where the surfaces have no relief in common no more could be told",
+            "{} of {} pairs: elsewhere the surfaces have no features in common that determine a place",
             pairs.len(),
             options.count
         ));
     }
-    Ok(Proposal { pairs, given, outliers: Vec::new(), notes, ambiguity: None })
+    Ok(Proposal { pairs, given, notes, ambiguity: None })
 }
 
 /// What speaks for the images of a registration at each vertex of the target.
@@ -285,11 +279,7 @@ fn place(
     for p in &growing.pairs {
         geodesics.add_source(corner(&p.target), &mut march);
     }
-    let good = |v: usize| {
-        registration.images[v].is_some()
-            && reliable.sigma[v] <= options.sigma
-            && reliable.cycle[v] <= options.cycle
-    };
+    let good = |v: usize| registration.images[v].is_some() && reliable.sigma[v] <= SIGMA && reliable.cycle[v] <= CYCLE;
     while growing.pairs.len() < options.count {
         let farthest = (0..target.positions.len())
             .filter(|&v| march.distances[v].is_finite() && good(v))

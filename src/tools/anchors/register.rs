@@ -11,15 +11,24 @@ use crate::geometry::SurfacePoint;
 use crate::geometry::bending::Bending;
 use crate::geometry::cholesky::SparseCholesky;
 
-pub struct Options {
-    /// Stiffness of the steps.
-    pub stiffness: Vec<f64>,
-    pub floor: f64,
-    pub damping: f64,
-    pub robust: f64,
-    pub channel: [f64; CHANNELS],
-    pub rounds: usize,
-}
+/// Stiffness of the steps, beside the evidence of the relief.
+const STIFFNESS: [f64; 2] = [1e-4, 1e-5];
+/// Steps of each stiffness.
+const STEPS: usize = 3;
+/// Which channels count: relief at the two finest scales and normals. Coarser relief differs between two bodies for other reasons than misplacement.
+const COUNTS: [f64; CHANNELS] = [1.0, 1.0, 0.0, 0.0, 1.0];
+/// Part of a channel's own size that counts as its least disagreement.
+const FLOOR: f64 = 0.02;
+/// Damping of a step, in parts of the mean evidence.
+const DAMPING: f64 = 0.1;
+/// Disagreement in parts of the usual one beyond which a vertex counts for little.
+const ODD: f64 = 100.0;
+/// The stiffness that keeps anchors, in mean masses of a vertex.
+const ANCHOR: f64 = 1e5;
+/// Steps of the conjugate gradients.
+const INNER: usize = 30;
+/// The scale over which evidence is gathered.
+const WINDOW: usize = 2;
 
 /// A point of the target held at a place of the source.
 pub(super) struct Hold {
@@ -36,9 +45,6 @@ pub struct Registration {
     /// How well the relief determines the image there.
     pub hold: Vec<f64>,
 }
-
-/// The scale over which evidence is gathered.
-const WINDOW: usize = 2;
 
 fn polar(cov: DMat3, handedness: f64) -> Option<DMat3> {
     if !cov.is_finite() {
@@ -105,7 +111,6 @@ pub(super) fn register(
     target: &Side<'_>,
     start: &[Option<SurfacePoint>],
     holds: &[Hold],
-    options: &Options,
 ) -> Result<Registration> {
     let n = target.positions.len();
     let mut images = start.to_vec();
@@ -123,15 +128,16 @@ pub(super) fn register(
     let mut out = Registration { images: Vec::new(), mismatch: vec![0.0; n], hold: vec![0.0; n] };
     let mut factor: Option<(f64, f64, SparseCholesky)> = None;
     let mut last: Vec<(DMat3, f64, DVec3)> = Vec::new();
-    for &stiffness in &options.stiffness {
-        for _ in 0..options.rounds {
+    for stiffness in STIFFNESS {
+        for _ in 0..STEPS {
             let places = at(&images);
             let frames = frames(target, &places, handedness)?;
             // What the relief says.
-            let wanted: Vec<Relief> =
-                (0..n).map(|v| target.relief[v].map(|r| frames[v] * r)).collect();
-            let found: Vec<Relief> =
-                images.par_iter().map(|p| p.as_ref().map_or([DVec3::ZERO; CHANNELS], |p| relief_at(source, p))).collect();
+            let wanted: Vec<Relief> = (0..n).map(|v| target.relief[v].map(|r| frames[v] * r)).collect();
+            let found: Vec<Relief> = images
+                .par_iter()
+                .map(|p| p.as_ref().map_or([DVec3::ZERO; CHANNELS], |p| relief_at(source, p)))
+                .collect();
             let mut weight = [0.0; CHANNELS];
             for c in 0..CHANNELS {
                 let (mut off, mut size) = (0.0, 0.0);
@@ -139,11 +145,8 @@ pub(super) fn register(
                     off += mass[v] * (wanted[v][c] - found[v][c]).length_squared();
                     size += mass[v] * wanted[v][c].length_squared();
                 }
-                weight[c] = options.channel[c] * total_mass / (off + options.floor * size + 1e-12);
+                weight[c] = COUNTS[c] * total_mass / (off + FLOOR * size + 1e-12);
             }
-            let offs: Vec<f64> = (0..n).map(|v| (0..CHANNELS).map(|c| weight[c] * (wanted[v][c] - found[v][c]).length_squared()).sum()).collect();
-            let local = target.smooth(WINDOW, &offs.iter().map(|o| DVec3::splat(*o)).collect::<Vec<_>>())?;
-            let usual = offs.iter().zip(mass).map(|(o, m)| o * m).sum::<f64>() / total_mass;
             let systems: Vec<(DMat3, DVec3, f64)> = (0..n)
                 .into_par_iter()
                 .map(|v| {
@@ -153,7 +156,7 @@ pub(super) fn register(
                     for c in 0..CHANNELS {
                         off += weight[c] * (wanted[v][c] - found[v][c]).length_squared();
                     }
-                    let robust = if options.robust > 0.0 { usual / (local[v].x.max(0.0) + off + options.robust * usual) } else { (1.0 - off / options.robust).powi(-2) };
+                    let robust = (1.0 + off / ODD).powi(-2);
                     let (mut a, mut b) = (DMat3::ZERO, DVec3::ZERO);
                     for c in 0..CHANNELS {
                         let r = wanted[v][c] - found[v][c];
@@ -167,26 +170,30 @@ pub(super) fn register(
                     (a, b, off)
                 })
                 .collect();
-            let traces: f64 = (0..n).map(|v| mass[v] * (systems[v].0.x_axis.x + systems[v].0.y_axis.y + systems[v].0.z_axis.z)).sum();
+            let traces: f64 =
+                (0..n).map(|v| mass[v] * (systems[v].0.x_axis.x + systems[v].0.y_axis.y + systems[v].0.z_axis.z)).sum();
             let scale = traces / (3.0 * total_mass);
-            let normal = |v: usize| images[v].as_ref().map_or(DVec3::ZERO, |p| {
-                let [a, b, c] = source.topology.triangles[p.face as usize].map(|v| source.positions[v as usize]);
-                (b - a).cross(c - a).normalize_or_zero()
-            });
+            let normal = |v: usize| {
+                images[v].as_ref().map_or(DVec3::ZERO, |p| {
+                    let [a, b, c] = source.topology.triangles[p.face as usize].map(|v| source.positions[v as usize]);
+                    (b - a).cross(c - a).normalize_or_zero()
+                })
+            };
             let blocks: Vec<DMat3> = (0..n)
                 .map(|v| {
                     let m = normal(v);
-                    systems[v].0 + DMat3::from_cols(m * m.x, m * m.y, m * m.z) * scale
-                        + DMat3::from_diagonal(DVec3::splat(options.damping * scale))
+                    systems[v].0
+                        + DMat3::from_cols(m * m.x, m * m.y, m * m.z) * scale
+                        + DMat3::from_diagonal(DVec3::splat(DAMPING * scale))
                 })
                 .collect();
             let eps = stiffness * scale;
             if factor.as_ref().is_none_or(|(s, e, _)| (*s / scale - 1.0).abs() > 0.5 || *e != stiffness) {
-                let f = bending.factorise(stiffness, &ties, 1e5 * mean_mass)?;
+                let f = bending.factorise(stiffness, &ties, ANCHOR * mean_mass)?;
                 factor = Some((scale, stiffness, f));
             }
             let Some((preconditioner_scale, _, factor)) = &factor else { break };
-            let hold = 1e5 * mean_mass * scale;
+            let hold = ANCHOR * mean_mass * scale;
             let displacement: Vec<DVec3> = (0..n).map(|v| places[v] - origin[v]).collect();
             let apply = |d: &[DVec3]| -> Vec<DVec3> {
                 let bend = bend(target, &bending, d);
@@ -212,7 +219,7 @@ pub(super) fn register(
                 factor.solve(&mut x)?;
                 Ok((0..n).map(|v| DVec3::from_array(std::array::from_fn(|i| x[(v, i)]))).collect())
             };
-            let solution = conjugate_gradients(apply, precondition, &right, displacement, 30)?;
+            let solution = conjugate_gradients(apply, precondition, &right, displacement, INNER)?;
             last = (0..n).map(|v| (systems[v].0, systems[v].2, normal(v))).collect();
             images = (0..n)
                 .into_par_iter()
@@ -235,6 +242,24 @@ pub(super) fn register(
         out.hold[v] = if m == DVec3::ZERO { 0.0 } else { least.max(0.0) };
     }
     Ok(out)
+}
+
+/// How much the relief of two surfaces disagrees under a map of all vertices of the target, from 0 (congruent) to about 2, a mean over the area; turns of the surface in space do not
+/// count, reflections do.
+pub(super) fn mismatch_of(source: &Side<'_>, target: &Side<'_>, images: &[Option<SurfacePoint>]) -> Result<f64> {
+    let places: Vec<DVec3> = images.iter().map(|p| p.as_ref().map_or(DVec3::ZERO, |p| source.position(p))).collect();
+    let frames = frames(target, &places, 1.0)?;
+    let (mut off, mut size) = ([0.0; CHANNELS], [0.0; CHANNELS]);
+    for (v, p) in images.iter().enumerate() {
+        let Some(p) = p else { continue };
+        let found = relief_at(source, p);
+        for c in 0..CHANNELS {
+            let wanted = frames[v] * target.relief[v][c];
+            off[c] += target.laplacian.mass[v] * (wanted - found[c]).length_squared();
+            size[c] += 0.5 * target.laplacian.mass[v] * (wanted.length_squared() + found[c].length_squared());
+        }
+    }
+    Ok((0..CHANNELS).map(|c| off[c] / size[c].max(f64::MIN_POSITIVE)).sum::<f64>() / CHANNELS as f64)
 }
 
 /// `L' M^-1 L x`.

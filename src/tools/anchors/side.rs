@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use crate::error::Result;
 use crate::geometry::cholesky::SparseCholesky;
 use crate::geometry::laplacian::{Laplacian, SparseRows};
-use crate::geometry::{Mesh, NONE, SurfacePoint, Topology};
+use crate::geometry::{Mesh, SurfacePoint, Topology};
 
 /// Diffusion times of the smoothed copies, at unit area: widths of 0.02 to 0.16.
 pub(super) const SCALES: [f64; 4] = [5e-5, 2e-4, 8e-4, 3.2e-3];
@@ -43,9 +43,8 @@ impl<'a> Side<'a> {
     pub(super) fn new(mesh: &'a Mesh, topology: &'a Topology) -> Result<Self> {
         let length = mesh.area().sqrt();
         let used = |v: usize| !topology.vertex_triangles(v as u32).is_empty();
-        let positions: Vec<DVec3> = (0..mesh.vertex_count())
-            .map(|v| if used(v) { mesh.positions[v] / length } else { DVec3::ZERO })
-            .collect();
+        let positions: Vec<DVec3> =
+            (0..mesh.vertex_count()).map(|v| if used(v) { mesh.positions[v] / length } else { DVec3::ZERO }).collect();
         let triangles: Vec<[u32; 3]> =
             topology.triangles.iter().zip(&topology.usable).filter(|(_, u)| **u).map(|(t, _)| *t).collect();
         let laplacian = Laplacian::new(&positions, &triangles);
@@ -58,8 +57,18 @@ impl<'a> Side<'a> {
         }
         normals.iter_mut().for_each(|n| *n = n.normalize_or_zero());
         let flow = laplacian.without_boundary_flow(&positions, &triangles);
-        let mut side =
-            Self { mesh, topology, length, positions, triangles, laplacian, flow, normals, relief: Vec::new(), smoothers };
+        let mut side = Self {
+            mesh,
+            topology,
+            length,
+            positions,
+            triangles,
+            laplacian,
+            flow,
+            normals,
+            relief: Vec::new(),
+            smoothers,
+        };
         let mut relief: Vec<Relief> = side.normals.iter().map(|n| [*n; CHANNELS]).collect();
         for (k, t) in SCALES.iter().enumerate() {
             let smooth = side.smooth(k, &side.positions)?;
@@ -166,9 +175,4 @@ fn smoother(laplacian: &Laplacian, t: f64) -> Result<SparseCholesky> {
     SparseCholesky::new("diffusion over the surface", starts, rows, values)?.ok_or_else(|| {
         crate::Error::numeric("diffusion over the surface breaks down", "Check the mesh for extremely thin triangles")
     })
-}
-
-/// Whether a packed point names a triangle.
-pub(super) fn exists(p: &SurfacePoint) -> bool {
-    p.face != NONE
 }
