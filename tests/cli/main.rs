@@ -1,5 +1,6 @@
 //! The command line end to end: the built program on small meshes written for each test, and on the bad files of `BARYMAP_DATA`.
 
+mod anchors;
 mod animate;
 mod attributes;
 mod deform;

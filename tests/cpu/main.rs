@@ -1,6 +1,7 @@
 //! Tests of the CPU side through the public interface, on real data where `BARYMAP_DATA` names it; no graphics device is touched.
 
 mod accuracy;
+mod anchors;
 #[path = "../common/mod.rs"]
 mod common;
 mod embedding;

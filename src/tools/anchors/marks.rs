@@ -11,7 +11,7 @@ const LEAST_PIT: f64 = 0.2;
 /// What counts as hardly lower than a peak of the relief.
 const LEVEL: f64 = 0.04;
 /// Marks less certain of their place are left out.
-const BLURRED: f64 = 0.03;
+const BLURRED: f64 = 0.02;
 
 /// What a mark is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

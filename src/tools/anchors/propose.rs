@@ -23,16 +23,18 @@ const DISTINCT: f64 = 1.4;
 const DEAREST: f64 = 0.75;
 /// The same of pits, which folds of the skin make and unmake.
 const DEAREST_PIT: f64 = 0.3;
-/// Marks that differ by more are no partners.
-const UNLIKE: f64 = 0.15;
+/// Marks that differ by more are no partners; the second for pits.
+const UNLIKE: [f64; 2] = [0.3, 0.15];
 /// Expected error of a mark per unit of cost.
 const EXPECTED: f64 = 0.02;
 /// Marks nearer to an anchor than this part of the spacing add nothing.
-const CROWDED: f64 = 0.2;
+const CROWDED: f64 = 0.5;
+/// Registrations, each from the map by what the one before it placed.
+const PLACINGS: usize = 2;
 /// Places that mismatch and slope of the relief leave more uncertain are passed over, at unit area.
-const SIGMA: f64 = 0.006;
+const SIGMA: f64 = 0.05;
 /// Places that the two registrations do not bring back as near are passed over.
-const CYCLE: f64 = 0.003;
+const CYCLE: f64 = 0.015;
 /// An expected error above this part of the square root of the area is flagged.
 const DOUBTFUL: f64 = 0.02;
 
@@ -121,7 +123,11 @@ impl Growing<'_, '_> {
             let off =
                 p.distance(source.positions[a.vertex as usize]).max(q.distance(target.positions[b.vertex as usize]));
             let unlike = a.difference(b);
-            if unlike > UNLIKE { f64::INFINITY } else { off / radius + unlike }
+            if unlike > UNLIKE[usize::from(matches!(a.kind, Kind::Pit(_)))] {
+                f64::INFINITY
+            } else {
+                off / radius + unlike
+            }
         };
         let best = |costs: &mut dyn Iterator<Item = (f64, usize)>| -> Option<(f64, usize, f64)> {
             let (mut first, mut second) = ((f64::INFINITY, usize::MAX), f64::INFINITY);
@@ -193,7 +199,7 @@ pub(super) fn propose(
     let mut growing = Growing { couple, pairs };
     let spacing = 1.0 / (options.count as f64).sqrt();
     let all = [marks(&couple.sides[0]), marks(&couple.sides[1])];
-    progress.stage("proposing anchors", ROUNDS.len() as u64 + 3);
+    progress.stage("proposing anchors", (ROUNDS.len() + 1 + 2 * PLACINGS) as u64);
     for (radius, least) in ROUNDS {
         if growing.pairs.len() < options.count {
             growing.match_marks(&all, radius, least, spacing)?;
@@ -205,14 +211,18 @@ pub(super) fn propose(
     // What no mark stands at is placed by the relief around it.
     if growing.pairs.len() < options.count {
         let marked = growing.anchors();
-        let mut both = Vec::new();
-        for to in 0..2 {
-            let start = couple.images(&marked, to)?;
-            let (a, b) = (&couple.sides[to], &couple.sides[1 - to]);
-            both.push(register(a, b, &start, &couple.holds(&marked, to))?);
-            progress.advance(1);
+        for _ in 0..PLACINGS {
+            let now = growing.anchors();
+            let mut both = Vec::new();
+            for to in 0..2 {
+                let start = couple.images(&now, to)?;
+                let (a, b) = (&couple.sides[to], &couple.sides[1 - to]);
+                both.push(register(a, b, &start, &couple.holds(&marked, to))?);
+                progress.advance(1);
+            }
+            growing.pairs.truncate(marked.len());
+            place(&mut growing, &both[0], &Reliability::new(couple, &both), options, spacing);
         }
-        place(&mut growing, &both[0], &Reliability::new(couple, &both), options, spacing);
         growing.drop_contradicted(given)?;
     }
     let mut pairs = growing.pairs;

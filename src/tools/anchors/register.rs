@@ -38,12 +38,12 @@ pub(super) struct Hold {
 }
 
 /// The state of a registration: where each vertex of the target lies on the source.
-pub struct Registration {
-    pub images: Vec<Option<SurfacePoint>>,
+pub(super) struct Registration {
+    pub(super) images: Vec<Option<SurfacePoint>>,
     /// Disagreement of the relief at each vertex after the last step.
-    pub mismatch: Vec<f64>,
+    pub(super) mismatch: Vec<f64>,
     /// How well the relief determines the image there.
-    pub hold: Vec<f64>,
+    pub(super) hold: Vec<f64>,
 }
 
 fn polar(cov: DMat3, handedness: f64) -> Option<DMat3> {

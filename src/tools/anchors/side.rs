@@ -21,11 +21,8 @@ pub(super) type Relief = [DVec3; CHANNELS];
 
 /// A surface at unit area.
 pub(super) struct Side<'a> {
-    pub(super) mesh: &'a Mesh,
     pub(super) topology: &'a Topology,
-    /// Square root of the mesh's area.
-    pub(super) length: f64,
-    /// Positions over `length`; unused vertices at the origin.
+    /// Positions over the square root of the area; unused vertices at the origin.
     pub(super) positions: Vec<DVec3>,
     /// The usable triangles.
     pub(super) triangles: Vec<[u32; 3]>,
@@ -57,18 +54,7 @@ impl<'a> Side<'a> {
         }
         normals.iter_mut().for_each(|n| *n = n.normalize_or_zero());
         let flow = laplacian.without_boundary_flow(&positions, &triangles);
-        let mut side = Self {
-            mesh,
-            topology,
-            length,
-            positions,
-            triangles,
-            laplacian,
-            flow,
-            normals,
-            relief: Vec::new(),
-            smoothers,
-        };
+        let mut side = Self { topology, positions, triangles, laplacian, flow, normals, relief: Vec::new(), smoothers };
         let mut relief: Vec<Relief> = side.normals.iter().map(|n| [*n; CHANNELS]).collect();
         for (k, t) in SCALES.iter().enumerate() {
             let smooth = side.smooth(k, &side.positions)?;

@@ -1,0 +1,185 @@
+//! Anchors proposed on built-in characters and, where there is data, on real pairs with known truth.
+
+use barymap::geometry::sampling::farthest_points;
+use barymap::geometry::{Geodesics, Mesh, SurfacePoint, Topology};
+use barymap::models::character_pair;
+use barymap::progress::Quiet;
+use barymap::surface::anchors::vertex_point;
+use barymap::surface::correspondence::{CorrespondenceOptions, Method, Shape, correspondence};
+use barymap::surface::quality::summarise;
+use barymap::surface::{AnchorPairs, Embedding, EmbeddingOptions};
+use barymap::tools::anchors::{AnchorOptions, Origin, Proposal, Proposed, contradicted, propose, suggest};
+use barymap::tools::vertex_map::vertex_map;
+use glam::DVec3;
+
+use crate::common::load;
+
+struct Embedded {
+    mesh: Mesh,
+    topology: Topology,
+    embedding: Embedding,
+}
+
+impl Embedded {
+    fn new(mesh: Mesh) -> Self {
+        let topology = Topology::new(&mesh);
+        let options = EmbeddingOptions { landmarks: 600, ..EmbeddingOptions::default() };
+        let embedding = Embedding::compute(&mesh, &topology, &options, &Quiet).unwrap();
+        Self { mesh, topology, embedding }
+    }
+
+    fn shape(&self) -> Shape<'_> {
+        Shape { mesh: &self.mesh, topology: &self.topology, embedding: Some(&self.embedding) }
+    }
+
+    fn point(&self, v: u32) -> SurfacePoint {
+        vertex_point(&self.mesh, &self.topology, v, "anchor").unwrap()
+    }
+
+    fn spread(&self, n: usize) -> Vec<u32> {
+        farthest_points(&Geodesics::new(&self.mesh.positions, &self.mesh.triangles()), 0, n)
+    }
+}
+
+/// The built-in strider, which no symmetry maps onto itself, as a source; a copy moved by `by` as target.
+fn copy(by: impl Fn(DVec3) -> DVec3) -> (Embedded, Embedded) {
+    let source = character_pair().source.mesh;
+    let mut target = source.clone();
+    target.positions.iter_mut().for_each(|p| *p = by(*p));
+    // The copy keeps the embedding up to what an isometry leaves open: it is computed anew.
+    (Embedded::new(source), Embedded::new(target))
+}
+
+fn identical(source: &Embedded, target: &Embedded, vertices: &[u32]) -> AnchorPairs {
+    AnchorPairs {
+        source: vertices.iter().map(|&v| source.point(v)).collect(),
+        target: vertices.iter().map(|&v| target.point(v)).collect(),
+    }
+}
+
+/// Distance of each pair from the truth on a copy, which has the same triangles, over the square root of the area.
+fn errors_on_copy(proposal: &Proposal, source: &Embedded) -> Vec<f64> {
+    let unit = source.mesh.area().sqrt();
+    let off = |p: &Proposed| p.source.position(&source.mesh).distance(p.target.position(&source.mesh)) / unit;
+    proposal.pairs.iter().map(off).collect()
+}
+
+#[test]
+fn on_a_turned_copy_the_proposed_pairs_are_exact() {
+    let turn = |p: DVec3| DVec3::new(p.z, p.y, -p.x) * 2.0 + DVec3::X;
+    let (source, target) = copy(turn);
+    let seeds = identical(&source, &target, &source.spread(8));
+    let options = AnchorOptions { count: 32 };
+    let proposal = propose(source.shape(), target.shape(), &seeds, &options, &Quiet).unwrap();
+    assert_eq!((proposal.given, proposal.ambiguity.is_none()), (8, true));
+    assert!(proposal.pairs.len() > 20 && proposal.pairs.len() <= 32, "{}", proposal.pairs.len());
+    assert!(proposal.pairs[..8].iter().all(|p| p.origin == Origin::Given && p.flagged.is_none()));
+    // Exact up to what single precision and the smoothing leave.
+    let errors = errors_on_copy(&proposal, &source);
+    let worst = errors.iter().copied().fold(0.0, f64::max);
+    assert!(worst < 2e-3, "{worst}");
+    // Nothing is proposed twice.
+    let anchors = proposal.anchors();
+    for i in 0..anchors.len() {
+        for j in 0..i {
+            let apart = |x: &[SurfacePoint], m: &Mesh| x[i].position(m).distance(x[j].position(m));
+            assert!(apart(&anchors.source, &source.mesh) > 0.0 && apart(&anchors.target, &target.mesh) > 0.0);
+        }
+    }
+    // The measure can fail: the same pairs with neighbours exchanged are far off.
+    let mut wrong = proposal.clone();
+    let moved = wrong.pairs[9].source;
+    wrong.pairs[10].source = moved;
+    assert!(errors_on_copy(&wrong, &source)[10] > 2e-3);
+}
+
+#[test]
+fn without_seeds_an_asymmetric_character_finds_itself() {
+    let (source, target) = copy(|p| p + DVec3::new(0.5, 0.0, -0.25));
+    let options = AnchorOptions { count: 24 };
+    let proposal = propose(source.shape(), target.shape(), &AnchorPairs::default(), &options, &Quiet).unwrap();
+    assert!(proposal.pairs.iter().any(|p| p.origin == Origin::Limb));
+    let errors = errors_on_copy(&proposal, &source);
+    for (e, p) in errors.iter().zip(&proposal.pairs) {
+        assert!(*e < 0.05 || p.flagged.is_some(), "{e} {p:?}");
+    }
+    assert!(summarise(&errors).median < 0.01, "{:?}", summarise(&errors));
+}
+
+#[test]
+fn two_exchanged_pairs_are_named_and_right_ones_are_not() {
+    let pair = character_pair();
+    let (source, target) = (Embedded::new(pair.source.mesh.clone()), Embedded::new(pair.target.mesh.clone()));
+    let (s, t) = pair.anchors(40);
+    let right = AnchorPairs { source: s, target: t };
+    assert_eq!(contradicted(source.shape(), target.shape(), &right).unwrap(), []);
+    let mut wrong = right.clone();
+    wrong.source.swap(11, 23);
+    let named = contradicted(source.shape(), target.shape(), &wrong).unwrap();
+    let mut indices: Vec<usize> = named.iter().map(|o| o.index).collect();
+    indices.sort_unstable();
+    assert_eq!(indices, [11, 23]);
+    assert!(named.iter().all(|o| o.off > 0.03) && named[0].off >= named[1].off);
+}
+
+#[test]
+fn suggestions_lie_where_anchors_are_missing() {
+    let pair = character_pair();
+    let (source, target) = (Embedded::new(pair.source.mesh.clone()), Embedded::new(pair.target.mesh.clone()));
+    let (s, t) = pair.anchors(24);
+    // All anchors on the head and the chest: legs are far from them.
+    let highest = |p: &SurfacePoint| p.position(&target.mesh).y;
+    let middle = (target.mesh.bounds().unwrap().0.y + target.mesh.bounds().unwrap().1.y) / 2.0;
+    let keep: Vec<usize> = (0..t.len()).filter(|&i| highest(&t[i]) > middle).collect();
+    let upper =
+        AnchorPairs { source: keep.iter().map(|&i| s[i]).collect(), target: keep.iter().map(|&i| t[i]).collect() };
+    let found = suggest(source.shape(), target.shape(), &upper, 3).unwrap();
+    assert_eq!(found.len(), 3);
+    assert!(target.mesh.positions[found[0].vertex as usize].y < middle, "{found:?}");
+    assert!(found.iter().all(|s| s.guess.is_some() && s.expected_error > 0.0));
+    assert_eq!(suggest(source.shape(), target.shape(), &upper, 0).unwrap(), []);
+}
+
+#[test]
+#[ignore = "needs BARYMAP_DATA"]
+fn eight_seeds_grow_on_real_pairs() {
+    for (source, target) in [
+        ("gt/smpl_same/man.obj", "gt/smpl_same/woman.obj"),
+        ("gt/smpl_same/woman.obj", "gt/smpl_same/man.obj"),
+        ("gt/fox_same/fox_run.obj", "gt/fox_same/fox_rest.obj"),
+        ("gt/fox_same/fox_rest.obj", "gt/fox_same/fox_survey.obj"),
+    ] {
+        let (source, target) = (Embedded::new(load(source)), Embedded::new(load(target)));
+        let unit = source.mesh.area().sqrt();
+        let field = |pairs: &AnchorPairs| -> f64 {
+            let options = CorrespondenceOptions { method: Method::Field, ..CorrespondenceOptions::default() };
+            let map = correspondence(source.shape(), target.shape(), pairs, &options).unwrap();
+            let map =
+                vertex_map((&source.mesh, &source.topology), (&target.mesh, &target.topology), map.as_ref()).unwrap();
+            let errors: Vec<f64> = map
+                .positions
+                .iter()
+                .zip(&source.mesh.positions)
+                .map(|(p, t)| p.map_or(1.0, |p| p.distance(*t) / unit))
+                .collect();
+            summarise(&errors).mean
+        };
+        let truth = |n: usize| identical(&source, &target, &target.spread(n));
+        let (seeds, full) = (truth(8), truth(64));
+        let options = AnchorOptions::default();
+        let proposal = propose(source.shape(), target.shape(), &seeds, &options, &Quiet).unwrap();
+        let (eight, grown, wanted) = (field(&seeds), field(&proposal.anchors()), field(&full));
+        println!(
+            "{} to {}: 8 true pairs {eight:.4}, grown to {} {grown:.4}, 64 true pairs {wanted:.4}",
+            source.mesh.name,
+            target.mesh.name,
+            proposal.pairs.len()
+        );
+        assert!(grown < eight, "{grown} {eight}");
+        for p in &proposal.pairs {
+            let v = target.topology.triangles[p.target.face as usize][p.target.dominant_corner()];
+            let off = p.source.position(&source.mesh).distance(source.mesh.positions[v as usize]) / unit;
+            assert!(off <= 0.05 || p.flagged.is_some(), "{off} {p:?}");
+        }
+    }
+}
