@@ -1,13 +1,13 @@
 //! Anchors: a full set from a few pairs or none, the pairs that contradict the others, and where the next ones would help most.
 //!
-//! A pair taken from the current map says nothing new, so every proposal rests on features of both surfaces. *Marks* are tips of limbs (peaks of the average geodesic
-//! distance) and peaks and pits of the relief at several scales; those that the map in both directions sends near one another, that look alike and have no rival, are
-//! pairs, and with them the map is made again. What lies between is *registered*: the images slide over the source until the relief around image and vertex agree,
-//! smoothly, with marks and given pairs held; places are taken where the relief determines them and the registrations in both directions agree.
+//! A pair taken from the current map says nothing new, so every proposal rests on the relief of both surfaces: how each differs from smoothed copies of itself. *Patches* of the
+//! target are looked for on the source around where the map sends them; those found without a rival, and that move as their neighbours do, make a better map, in which they are
+//! looked for again. Then the images are *registered*: they slide over the source until the relief around image and vertex agree, smoothly, given pairs held; places are
+//! taken far from one another where the registrations in both directions agree.
 
 mod extremities;
-mod marks;
 mod outliers;
+mod patches;
 mod propose;
 mod register;
 mod seedless;
@@ -34,9 +34,7 @@ pub enum Origin {
     Given,
     /// A tip of a limb, matched without seeds.
     Limb,
-    /// A place that stands out on both surfaces.
-    Mark,
-    /// Placed by the relief around it.
+    /// Found by the relief around it.
     Relief,
 }
 
@@ -46,7 +44,6 @@ impl Origin {
         match self {
             Self::Given => "given",
             Self::Limb => "limb",
-            Self::Mark => "mark",
             Self::Relief => "relief",
         }
     }

@@ -1,36 +1,34 @@
-//! Rounds of proposals: marks matched through the current map, then a registration by relief, then a choice.
+//! Rounds of proposals: patches looked for around where the map sends them, then registrations by relief, then a choice.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::marks::{Kind, Mark, marks};
 use super::outliers::{Outlier, outliers};
+use super::patches;
 use super::register::{Hold, Registration, register};
 use super::side::Side;
 use super::{AnchorOptions, Origin, Proposal, Proposed};
 use crate::error::Result;
+use crate::geometry::sampling::farthest_points;
 use crate::geometry::{Geodesics, March, SurfacePoint};
 use crate::progress::Progress;
 use crate::surface::AnchorPairs;
 use crate::surface::correspondence::{CorrespondenceOptions, Method, Shape, correspondence};
 use crate::tools::vertex_map::vertex_map;
 
-/// How far from where the map sends it the partner of a mark is looked for, and how much a mark must stand out, round by round.
-const ROUNDS: [(f64, f64); 4] = [(0.10, 0.35), (0.06, 0.2), (0.04, 0.1), (0.03, 0.1)];
-/// A partner is taken if the next best costs this many times as much.
-const DISTINCT: f64 = 1.4;
-/// Largest cost of a partner.
-const DEAREST: f64 = 0.75;
-/// The same of pits, which folds of the skin make and unmake.
-const DEAREST_PIT: f64 = 0.3;
-/// Marks that differ by more are no partners; the second for pits.
-const UNLIKE: [f64; 2] = [0.3, 0.15];
-/// Expected error of a mark per unit of cost.
+/// How far from where the map sends it a patch is looked for, and how much better than the next best its place must be, round by round.
+const ROUNDS: [(f64, f64); 3] = [(0.06, 0.4), (0.05, 0.4), (0.04, 0.5)];
+/// Patches that are looked for.
+const SITES: usize = 240;
+/// Pairs nearer to one another add nothing.
+const CROWDED: f64 = 0.01;
+/// Neighbours a patch is compared with, and how differently from their median it may move.
+const NEIGHBOURS: usize = 6;
+const ODD: f64 = 0.02;
+/// Expected error of a patch with a rival as good.
 const EXPECTED: f64 = 0.02;
-/// Marks nearer to an anchor than this part of the spacing add nothing.
-const CROWDED: f64 = 0.5;
 /// Registrations, each from the map by what the one before it placed.
-const PLACINGS: usize = 2;
+const PLACINGS: usize = 3;
 /// Places that mismatch and slope of the relief leave more uncertain are passed over, at unit area.
 const SIGMA: f64 = 0.05;
 /// Places that the two registrations do not bring back as near are passed over.
@@ -102,74 +100,40 @@ impl Growing<'_, '_> {
         self.pairs.iter().any(|q| s.position(if side == 0 { &q.source } else { &q.target }).distance(p) < distance)
     }
 
-    /// Matches the marks of both surfaces through the maps.
-    fn match_marks(&mut self, all: &[Vec<Mark>; 2], radius: f64, least: f64, spacing: f64) -> Result<()> {
-        let anchors = self.anchors();
-        let (forward, backward) = (self.couple.images(&anchors, 0)?, self.couple.images(&anchors, 1)?);
+    /// Looks for the patches around the vertices `sites` on the source, and replaces all but the first `given` pairs by what is found.
+    fn find_patches(&mut self, sites: &[u32], given: usize, reach: f64, ratio: f64) -> Result<()> {
         let [source, target] = &self.couple.sides;
-        let strong = |side: usize| all[side].iter().filter(move |m| m.height >= least).collect::<Vec<_>>();
-        let (on_source, on_target) = (strong(0), strong(1));
-        let sent = |image: &Option<SurfacePoint>, side: &Side<'_>| image.as_ref().map(|p| side.position(p));
-        let to_source: Vec<Option<DVec3>> =
-            on_target.iter().map(|m| sent(&forward[m.vertex as usize], source)).collect();
-        let to_target: Vec<Option<DVec3>> =
-            on_source.iter().map(|m| sent(&backward[m.vertex as usize], target)).collect();
-        let cost = |s: usize, t: usize| -> f64 {
-            let (a, b) = (on_source[s], on_target[t]);
-            let (Some(p), Some(q)) = (to_source[t], to_target[s]) else { return f64::INFINITY };
-            if a.kind != b.kind {
-                return f64::INFINITY;
+        let images = self.couple.images(&self.anchors(), 0)?;
+        let mut found = patches::find(source, target, &images, sites, reach)?;
+        found.retain(|f| f.ratio <= ratio);
+        // A patch moves as those around it do.
+        let moves: Vec<(DVec3, DVec3)> = found
+            .iter()
+            .map(|f| {
+                let from = images[f.vertex as usize].map_or(DVec3::ZERO, |p| source.position(&p));
+                (target.positions[f.vertex as usize], source.position(&f.place) - from)
+            })
+            .collect();
+        let mut odd = lonely(&moves);
+        odd.resize(found.len(), false);
+        self.pairs.truncate(given);
+        for (f, odd) in found.iter().zip(odd) {
+            let Some(point) = target.topology.vertex_point(f.vertex).filter(|_| !odd) else { continue };
+            let apart = |side: usize, p: DVec3| !self.crowded(side, p, CROWDED);
+            if apart(0, source.position(&f.place)) && apart(1, target.positions[f.vertex as usize]) {
+                self.pairs.push(Proposed {
+                    source: f.place,
+                    target: point,
+                    origin: Origin::Relief,
+                    expected_error: EXPECTED * f.ratio,
+                    flagged: None,
+                });
             }
-            let off =
-                p.distance(source.positions[a.vertex as usize]).max(q.distance(target.positions[b.vertex as usize]));
-            let unlike = a.difference(b);
-            if unlike > UNLIKE[usize::from(matches!(a.kind, Kind::Pit(_)))] {
-                f64::INFINITY
-            } else {
-                off / radius + unlike
-            }
-        };
-        let best = |costs: &mut dyn Iterator<Item = (f64, usize)>| -> Option<(f64, usize, f64)> {
-            let (mut first, mut second) = ((f64::INFINITY, usize::MAX), f64::INFINITY);
-            for c in costs {
-                if c.0 < first.0 {
-                    (first, second) = (c, first.0);
-                } else {
-                    second = second.min(c.0);
-                }
-            }
-            (first.0 <= DEAREST).then_some((first.0, first.1, second))
-        };
-        let mut found = Vec::new();
-        for t in 0..on_target.len() {
-            let Some((c, s, next)) = best(&mut (0..on_source.len()).map(|s| (cost(s, t), s))) else { continue };
-            let Some((_, back, other)) = best(&mut (0..on_target.len()).map(|t| (cost(s, t), t))) else { continue };
-            let dearest = if matches!(on_target[t].kind, Kind::Pit(_)) { DEAREST_PIT } else { DEAREST };
-            if back == t && c <= dearest && next.min(other) > DISTINCT * c {
-                found.push((c, s, t));
-            }
-        }
-        found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.2.cmp(&b.2)));
-        for (c, s, t) in found {
-            let (s, t) = (on_source[s], on_target[t]);
-            let apart = CROWDED * spacing;
-            if self.crowded(0, source.positions[s.vertex as usize], apart)
-                || self.crowded(1, target.positions[t.vertex as usize], apart)
-            {
-                continue;
-            }
-            let expected_error = (EXPECTED * c).max(0.5 * s.extent.min(t.extent));
-            let (Some(source), Some(target)) =
-                (source.topology.vertex_point(s.vertex), target.topology.vertex_point(t.vertex))
-            else {
-                continue;
-            };
-            self.pairs.push(Proposed { source, target, origin: Origin::Mark, expected_error, flagged: None });
         }
         Ok(())
     }
 
-    /// Takes out marks that the others contradict.
+    /// Takes out patches that the others contradict.
     fn drop_contradicted(&mut self, given: usize) -> Result<()> {
         let [s, t] = self.couple.shapes;
         let wrong: Vec<Outlier> = outliers(s, t, &self.anchors())?;
@@ -198,49 +162,88 @@ pub(super) fn propose(
         .collect();
     let mut growing = Growing { couple, pairs };
     let spacing = 1.0 / (options.count as f64).sqrt();
-    let all = [marks(&couple.sides[0]), marks(&couple.sides[1])];
+    let target = &couple.sides[1];
+    let sites = sites(target);
     progress.stage("proposing anchors", (ROUNDS.len() + 1 + 2 * PLACINGS) as u64);
-    for (radius, least) in ROUNDS {
-        if growing.pairs.len() < options.count {
-            growing.match_marks(&all, radius, least, spacing)?;
-        }
+    for (reach, ratio) in ROUNDS {
+        growing.find_patches(&sites, given, reach, ratio)?;
         progress.advance(1);
     }
     growing.drop_contradicted(given)?;
     progress.advance(1);
-    // What no mark stands at is placed by the relief around it.
-    if growing.pairs.len() < options.count {
-        let marked = growing.anchors();
+    // Patches were stepping stones; the places themselves come from the registrations.
+    if given < options.count {
         for _ in 0..PLACINGS {
             let now = growing.anchors();
             let mut both = Vec::new();
             for to in 0..2 {
                 let start = couple.images(&now, to)?;
                 let (a, b) = (&couple.sides[to], &couple.sides[1 - to]);
-                both.push(register(a, b, &start, &couple.holds(&marked, to))?);
+                both.push(register(a, b, &start, &couple.holds(seeds, to))?);
                 progress.advance(1);
             }
-            growing.pairs.truncate(marked.len());
+            growing.pairs.truncate(given);
             place(&mut growing, &both[0], &Reliability::new(couple, &both), options, spacing);
         }
         growing.drop_contradicted(given)?;
     }
     let mut pairs = growing.pairs;
-    if pairs.len() > options.count.max(given) {
-        pairs = spread(couple, pairs, given, options.count);
-    }
     for p in pairs.iter_mut().skip(given).filter(|p| p.expected_error > DOUBTFUL) {
         p.flagged = Some(format!("may be off by {:.3} of the square root of the area", p.expected_error));
     }
     let mut notes = Vec::new();
     if pairs.len() < options.count {
         notes.push(format!(
-            "{} of {} pairs: elsewhere the surfaces have no features in common that determine a place",
+            "{} of {} pairs: elsewhere the relief of the two surfaces does not agree on a place",
             pairs.len(),
             options.count
         ));
     }
     Ok(Proposal { pairs, given, notes, ambiguity: None })
+}
+
+/// Vertices spread over all components, by area.
+fn sites(side: &Side<'_>) -> Vec<u32> {
+    let geodesics = Geodesics::new(&side.positions, &side.triangles);
+    let count = side.topology.component_count as usize;
+    let mut area = vec![0.0; count];
+    let component = |v: usize| side.topology.vertex_component[v] as usize;
+    let used: Vec<usize> = (0..side.positions.len()).filter(|&v| component(v) < count).collect();
+    for &v in &used {
+        area[component(v)] += side.laplacian.mass[v];
+    }
+    let total: f64 = area.iter().sum();
+    let mut out = Vec::new();
+    for c in 0..count {
+        let share = (SITES as f64 * area[c] / total).round() as usize;
+        if let Some(seed) = used.iter().find(|&&v| component(v) == c) {
+            out.extend(farthest_points(&geodesics, *seed as u32, share.min(SITES)));
+        }
+    }
+    out
+}
+
+/// Which of the moves (place, displacement) differ from the median of those nearest to them.
+fn lonely(moves: &[(DVec3, DVec3)]) -> Vec<bool> {
+    moves
+        .iter()
+        .enumerate()
+        .map(|(i, (at, by))| {
+            let mut near: Vec<(f64, usize)> =
+                (0..moves.len()).filter(|&j| j != i).map(|j| (moves[j].0.distance(*at), j)).collect();
+            near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            near.truncate(NEIGHBOURS);
+            if near.len() < 3 {
+                return false;
+            }
+            let median = DVec3::from_array(std::array::from_fn(|k| {
+                let mut x: Vec<f64> = near.iter().map(|n| moves[n.1].1[k]).collect();
+                x.sort_by(f64::total_cmp);
+                x[x.len() / 2]
+            }));
+            by.distance(median) > ODD
+        })
+        .collect()
 }
 
 /// What speaks for the images of a registration at each vertex of the target.
@@ -306,28 +309,4 @@ fn place(
             });
         }
     }
-}
-
-/// The given pairs and, of the others, those farthest from one another.
-fn spread(couple: &Couple<'_>, pairs: Vec<Proposed>, given: usize, count: usize) -> Vec<Proposed> {
-    let target = &couple.sides[1];
-    let at: Vec<DVec3> = pairs.iter().map(|p| target.position(&p.target)).collect();
-    let mut nearest: Vec<f64> = vec![f64::INFINITY; pairs.len()];
-    let mut chosen: Vec<usize> = (0..given).collect();
-    let near = |nearest: &mut Vec<f64>, i: usize| {
-        for (d, p) in nearest.iter_mut().zip(&at) {
-            *d = d.min(p.distance(at[i]));
-        }
-    };
-    chosen.iter().for_each(|&i| near(&mut nearest, i));
-    while chosen.len() < count {
-        let next = (given..pairs.len())
-            .filter(|i| !chosen.contains(i))
-            .max_by(|&a, &b| nearest[a].total_cmp(&nearest[b]).then(b.cmp(&a)));
-        let Some(i) = next else { break };
-        chosen.push(i);
-        near(&mut nearest, i);
-    }
-    chosen.sort_unstable();
-    chosen.into_iter().map(|i| pairs[i].clone()).collect()
 }

@@ -12,7 +12,7 @@ use crate::geometry::bending::Bending;
 use crate::geometry::cholesky::SparseCholesky;
 
 /// Stiffness of the steps, beside the evidence of the relief.
-const STIFFNESS: [f64; 2] = [1e-4, 1e-5];
+const STIFFNESS: [f64; 3] = [1e-4, 1e-5, 3e-6];
 /// Steps of each stiffness.
 const STEPS: usize = 3;
 /// Which channels count: relief at the two finest scales and normals. Coarser relief differs between two bodies for other reasons than misplacement.
@@ -78,7 +78,7 @@ fn frames(target: &Side<'_>, places: &[DVec3], handedness: f64) -> Result<Vec<DM
         .collect())
 }
 
-fn relief_at(side: &Side<'_>, p: &SurfacePoint) -> Relief {
+pub(super) fn relief_at(side: &Side<'_>, p: &SurfacePoint) -> Relief {
     let t = side.topology.triangles[p.face as usize];
     let mut sum = [DVec3::ZERO; CHANNELS];
     for k in 0..3 {
@@ -90,9 +90,9 @@ fn relief_at(side: &Side<'_>, p: &SurfacePoint) -> Relief {
     sum
 }
 
-type Gradient = [[DVec3; 3]; CHANNELS];
+pub(super) type Gradient = [[DVec3; 3]; CHANNELS];
 
-fn gradient_at(side: &Side<'_>, gradients: &[Gradient], p: &SurfacePoint) -> Gradient {
+pub(super) fn gradient_at(side: &Side<'_>, gradients: &[Gradient], p: &SurfacePoint) -> Gradient {
     let t = side.topology.triangles[p.face as usize];
     let mut sum = [[DVec3::ZERO; 3]; CHANNELS];
     for k in 0..3 {
@@ -242,6 +242,38 @@ pub(super) fn register(
         out.hold[v] = if m == DVec3::ZERO { 0.0 } else { least.max(0.0) };
     }
     Ok(out)
+}
+
+/// What the relief of the target would look like at its images, and what each channel counts.
+pub(super) struct Evidence {
+    pub(super) wanted: Vec<Relief>,
+    pub(super) weight: [f64; CHANNELS],
+    /// Mean disagreement under the map.
+    pub(super) usual: f64,
+}
+
+impl Evidence {
+    pub(super) fn new(source: &Side<'_>, target: &Side<'_>, images: &[Option<SurfacePoint>]) -> Result<Self> {
+        let places: Vec<DVec3> =
+            images.iter().map(|p| p.as_ref().map_or(DVec3::ZERO, |p| source.position(p))).collect();
+        let frames = frames(target, &places, 1.0)?;
+        let mass = &target.laplacian.mass;
+        let total: f64 = mass.iter().sum();
+        let wanted: Vec<Relief> = frames.iter().zip(&target.relief).map(|(f, r)| r.map(|r| *f * r)).collect();
+        let mut weight = [0.0; CHANNELS];
+        let mut usual = 0.0;
+        for c in 0..CHANNELS {
+            let (mut off, mut size) = (0.0, 0.0);
+            for v in 0..images.len() {
+                let Some(p) = &images[v] else { continue };
+                off += mass[v] * (wanted[v][c] - relief_at(source, p)[c]).length_squared();
+                size += mass[v] * wanted[v][c].length_squared();
+            }
+            weight[c] = COUNTS[c] * total / (off + FLOOR * size + 1e-12);
+            usual += weight[c] * off / total;
+        }
+        Ok(Self { wanted, weight, usual })
+    }
 }
 
 /// How much the relief of two surfaces disagrees under a map of all vertices of the target, from 0 (congruent) to about 2, a mean over the area; turns of the surface in space do not
