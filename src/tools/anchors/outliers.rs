@@ -1,8 +1,10 @@
 //! Pairs that the others contradict.
 
+use glam::DVec3;
+
 use crate::error::Result;
-use crate::surface::AnchorPairs;
 use crate::surface::correspondence::{CorrespondenceOptions, Method, Shape, correspondence};
+use crate::surface::{AnchorPairs, PackedPoint};
 
 /// A pair that the others contradict.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,8 +17,14 @@ pub struct Outlier {
 
 /// Least error of a wrong pair, over the square root of the area.
 const LEAST: f64 = 0.03;
-/// A wrong pair is off by more than this part of the distance to the next anchor; tips of limbs, which no others surround, are off by less.
-const OF_SPACING: f64 = 0.6;
+/// A wrong pair is off by more than this many times the distance to the next one.
+const OF_SPACING: f64 = 0.8;
+/// The same of tips, which no others surround: there the map is carried on beyond what is known.
+const OF_SPACING_AT_TIPS: f64 = 2.5;
+/// Pairs whose direction to their neighbours has at least this mean lie at a tip.
+const ONE_SIDED: f64 = 0.6;
+/// Neighbours that are looked at.
+const NEIGHBOURS: usize = 5;
 /// A wrong pair is off by this many times the median.
 const OF_MEDIAN: f64 = 4.0;
 /// Pairs taken out one after the other.
@@ -24,35 +32,60 @@ const MOST: usize = 16;
 /// Fewer pairs say nothing about one another.
 const FEWEST: usize = 6;
 
-/// Names the pairs that the others contradict, worst first.
+/// Names the pairs that the others contradict, worst first. What was taken out while another wrong pair accused it is put back in the end.
 pub(super) fn outliers(source: Shape<'_>, target: Shape<'_>, pairs: &AnchorPairs) -> Result<Vec<Outlier>> {
     let options =
         CorrespondenceOptions { method: Method::Field, confidence: false, ..CorrespondenceOptions::default() };
     let length = target.mesh.area().sqrt();
+    let at: Vec<DVec3> = pairs.target.iter().map(|p| p.position(target.mesh) / length).collect();
     let mut kept: Vec<usize> = (0..pairs.len()).collect();
-    let mut out = Vec::new();
-    while kept.len() >= FEWEST && out.len() < MOST {
+    let mut out: Vec<Outlier> = Vec::new();
+    let map_of = |kept: &[usize]| {
         let now = AnchorPairs {
             source: kept.iter().map(|&i| pairs.source[i]).collect(),
             target: kept.iter().map(|&i| pairs.target[i]).collect(),
         };
-        let map = correspondence(source, target, &now, &options)?;
+        correspondence(source, target, &now, &options)
+    };
+    let mut usual = 0.0;
+    while kept.len() >= FEWEST && out.len() < MOST {
+        let map = map_of(&kept)?;
         let Some(report) = map.field() else { break };
-        let left_out = &report.left_out;
-        let mut sorted = left_out.clone();
+        let mut sorted = report.left_out.clone();
         sorted.sort_by(f64::total_cmp);
-        let median = sorted[sorted.len() / 2];
-        let at: Vec<_> = now.target.iter().map(|p| p.position(target.mesh) / length).collect();
+        usual = sorted[sorted.len() / 2];
         let worst = (0..kept.len())
-            .filter(|&i| {
-                let others = (0..kept.len()).filter(|&j| j != i);
-                let next = others.map(|j| at[i].distance(at[j])).fold(f64::INFINITY, f64::min);
-                left_out[i] > LEAST && left_out[i] > OF_MEDIAN * median && left_out[i] > OF_SPACING * next
-            })
-            .max_by(|&a, &b| left_out[a].total_cmp(&left_out[b]).then(b.cmp(&a)));
-        let Some(i) = worst else { break };
-        out.push(Outlier { index: kept[i], off: left_out[i] });
-        kept.remove(i);
+            .map(|k| Outlier { index: kept[k], off: report.left_out[k] })
+            .filter(|o| o.off > bound(&at, &kept, o.index, usual))
+            .max_by(|a, b| a.off.total_cmp(&b.off).then(b.index.cmp(&a.index)));
+        let Some(worst) = worst else { break };
+        kept.retain(|i| *i != worst.index);
+        out.push(worst);
     }
+    if out.len() < 2 {
+        return Ok(out);
+    }
+    let map = map_of(&kept)?;
+    let points: Vec<PackedPoint> = out.iter().map(|o| pairs.target[o.index].into()).collect();
+    let mut images = Vec::new();
+    map.map(&points, &mut images)?;
+    let unit = source.mesh.area().sqrt();
+    for (o, image) in out.iter_mut().zip(&images) {
+        let place = pairs.source[o.index].position(source.mesh);
+        o.off = image.point().map_or(1.0, |p| p.position(source.mesh).distance(place) / unit);
+    }
+    out.retain(|o| o.off > bound(&at, &kept, o.index, usual));
+    out.sort_by(|a, b| b.off.total_cmp(&a.off).then(a.index.cmp(&b.index)));
     Ok(out)
+}
+
+/// The error beyond which pair `i` counts as wrong beside the pairs `kept`; `usual` is the median error.
+fn bound(at: &[DVec3], kept: &[usize], i: usize, usual: f64) -> f64 {
+    let mut others: Vec<DVec3> = kept.iter().filter(|j| **j != i).map(|&j| at[j] - at[i]).collect();
+    others.sort_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
+    others.truncate(NEIGHBOURS);
+    let next = others.first().map_or(0.0, |d| d.length());
+    let mean = others.iter().map(|d| d.normalize_or_zero()).sum::<DVec3>() / others.len().max(1) as f64;
+    let part = if mean.length() > ONE_SIDED { OF_SPACING_AT_TIPS } else { OF_SPACING };
+    LEAST.max(OF_MEDIAN * usual).max(part * next)
 }
