@@ -74,7 +74,7 @@ fn on_a_turned_copy_the_proposed_pairs_are_exact() {
     assert_eq!((proposal.given, proposal.ambiguity.is_none()), (8, true));
     assert!(proposal.pairs.len() > 20 && proposal.pairs.len() <= 32, "{}", proposal.pairs.len());
     assert!(proposal.pairs[..8].iter().all(|p| p.origin == Origin::Given && p.flagged.is_none()));
-    // Exact up to what single precision and the smoothing leave.
+    // Exact up to what single precision leaves.
     let errors = errors_on_copy(&proposal, &source);
     let worst = errors.iter().copied().fold(0.0, f64::max);
     assert!(worst < 2e-3, "{worst}");
