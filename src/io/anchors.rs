@@ -356,6 +356,24 @@ mod tests {
     }
 
     #[test]
+    fn what_is_written_is_read_back() {
+        let dir = tempfile::tempdir().unwrap();
+        let mesh = crate::models::shapes::tetrahedron();
+        let points = [SurfacePoint::new(1, [0.0, 1.0, 0.0]), SurfacePoint::new(2, [0.25, 0.1 + 0.2, 0.45])];
+        let flagged = PairRemark { origin: "relief", expected_error: 0.03, flagged: Some("far from all".into()) };
+        let remarks = [PairRemark { origin: "given", expected_error: 0.0, flagged: None }, flagged];
+        let path = dir.path().join("w.json");
+        write_pairs(&path, (&mesh, &points), (&mesh, &points), &remarks).unwrap();
+        let pairs = read_pairs(path.to_str().unwrap()).unwrap();
+        assert_eq!(pairs.source.anchors, pairs.target.anchors);
+        assert_eq!(pairs.source.anchors[0], AnchorSpec::Vertex(mesh.triangle(1)[1]));
+        let AnchorSpec::Face { face: 2, barycentric } = pairs.source.anchors[1] else { panic!("{pairs:?}") };
+        assert!(barycentric.iter().zip(points[1].barycentric).all(|(a, b)| (a - b).abs() < 1e-15));
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert_eq!(text.matches("flagged").count(), 1);
+    }
+
+    #[test]
     fn all_forms_are_read() {
         let dir = tempfile::tempdir().unwrap();
         let json = r#"{"source": [5, {"vertex": 6}, {"face": 2, "barycentric": [0.5, 0.5000001, 0]}],

@@ -94,6 +94,17 @@ fn on_a_turned_copy_the_proposed_pairs_are_exact() {
 }
 
 #[test]
+fn a_mirrored_copy_is_known_as_one() {
+    let (source, target) = copy(|p| DVec3::new(-p.x, p.y, p.z));
+    let seeds = identical(&source, &target, &source.spread(8));
+    let options = AnchorOptions { count: 24 };
+    let proposal = propose(source.shape(), target.shape(), &seeds, &options, &Quiet).unwrap();
+    assert!(proposal.notes.iter().any(|n| n.contains("mirror")), "{:?}", proposal.notes);
+    let worst = errors_on_copy(&proposal, &source).into_iter().fold(0.0, f64::max);
+    assert!(proposal.pairs.len() > 16 && worst < 2e-3, "{worst}");
+}
+
+#[test]
 fn without_seeds_an_asymmetric_character_finds_itself() {
     let (source, target) = copy(|p| p + DVec3::new(0.5, 0.0, -0.25));
     let options = AnchorOptions { count: 24 };

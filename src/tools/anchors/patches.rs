@@ -38,8 +38,9 @@ pub(super) fn find(
     images: &[Option<SurfacePoint>],
     sites: &[u32],
     reach: f64,
+    handedness: f64,
 ) -> Result<Vec<Found>> {
-    let evidence = Evidence::new(source, target, images)?;
+    let evidence = Evidence::new(source, target, images, handedness)?;
     let (usual, gradients) = (evidence.usual, source.gradients());
     let found = sites
         .par_iter()

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::outliers::{Outlier, outliers};
 use super::patches;
-use super::register::{Hold, Registration, register};
+use super::register::{Hold, Registration, mismatch_of, register};
 use super::side::Side;
 use super::{AnchorOptions, Origin, Proposal, Proposed};
 use crate::error::Result;
@@ -83,6 +83,8 @@ impl<'a> Couple<'a> {
 /// Pairs that grow.
 struct Growing<'c, 'a> {
     couple: &'c Couple<'a>,
+    /// -1 where one surface is the mirror image of the other.
+    handedness: f64,
     pairs: Vec<Proposed>,
 }
 
@@ -104,7 +106,7 @@ impl Growing<'_, '_> {
     fn find_patches(&mut self, sites: &[u32], given: usize, reach: f64, ratio: f64) -> Result<()> {
         let [source, target] = &self.couple.sides;
         let images = self.couple.images(&self.anchors(), 0)?;
-        let mut found = patches::find(source, target, &images, sites, reach)?;
+        let mut found = patches::find(source, target, &images, sites, reach, self.handedness)?;
         found.retain(|f| f.ratio <= ratio);
         // A patch moves as those around it do.
         let moves: Vec<(DVec3, DVec3)> = found
@@ -160,7 +162,10 @@ pub(super) fn propose(
     let pairs = points
         .map(|(&source, &target)| Proposed { source, target, origin, expected_error: 0.0, flagged: None })
         .collect();
-    let mut growing = Growing { couple, pairs };
+    let [from, to] = &couple.sides;
+    let images = couple.images(seeds, 0)?;
+    let mirrored = mismatch_of(from, to, &images, -1.0)? < mismatch_of(from, to, &images, 1.0)?;
+    let mut growing = Growing { couple, handedness: if mirrored { -1.0 } else { 1.0 }, pairs };
     let spacing = 1.0 / (options.count as f64).sqrt();
     let target = &couple.sides[1];
     let sites = sites(target);
@@ -179,7 +184,7 @@ pub(super) fn propose(
             for to in 0..2 {
                 let start = couple.images(&now, to)?;
                 let (a, b) = (&couple.sides[to], &couple.sides[1 - to]);
-                both.push(register(a, b, &start, &couple.holds(seeds, to))?);
+                both.push(register(a, b, &start, &couple.holds(seeds, to), growing.handedness)?);
                 progress.advance(1);
             }
             growing.pairs.truncate(given);
@@ -198,6 +203,9 @@ pub(super) fn propose(
             pairs.len(),
             options.count
         ));
+    }
+    if growing.handedness < 0.0 {
+        notes.push("one surface is the mirror image of the other".to_owned());
     }
     Ok(Proposal { pairs, given, notes, ambiguity: None })
 }

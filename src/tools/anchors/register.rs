@@ -111,6 +111,7 @@ pub(super) fn register(
     target: &Side<'_>,
     start: &[Option<SurfacePoint>],
     holds: &[Hold],
+    handedness: f64,
 ) -> Result<Registration> {
     let n = target.positions.len();
     let mut images = start.to_vec();
@@ -124,7 +125,6 @@ pub(super) fn register(
     let bending = Bending::new(&target.positions, &target.triangles);
     let ties: Vec<([u32; 3], [f64; 3])> = holds.iter().map(|h| (h.v, h.x)).collect();
     let mean_mass = bending.mass.iter().sum::<f64>() / n as f64;
-    let handedness = 1.0;
     let mut out = Registration { images: Vec::new(), mismatch: vec![0.0; n], hold: vec![0.0; n] };
     let mut factor: Option<(f64, f64, SparseCholesky)> = None;
     let mut last: Vec<(DMat3, f64, DVec3)> = Vec::new();
@@ -253,10 +253,15 @@ pub(super) struct Evidence {
 }
 
 impl Evidence {
-    pub(super) fn new(source: &Side<'_>, target: &Side<'_>, images: &[Option<SurfacePoint>]) -> Result<Self> {
+    pub(super) fn new(
+        source: &Side<'_>,
+        target: &Side<'_>,
+        images: &[Option<SurfacePoint>],
+        handedness: f64,
+    ) -> Result<Self> {
         let places: Vec<DVec3> =
             images.iter().map(|p| p.as_ref().map_or(DVec3::ZERO, |p| source.position(p))).collect();
-        let frames = frames(target, &places, 1.0)?;
+        let frames = frames(target, &places, handedness)?;
         let mass = &target.laplacian.mass;
         let total: f64 = mass.iter().sum();
         let wanted: Vec<Relief> = frames.iter().zip(&target.relief).map(|(f, r)| r.map(|r| *f * r)).collect();
@@ -277,10 +282,15 @@ impl Evidence {
 }
 
 /// How much the relief of two surfaces disagrees under a map of all vertices of the target, from 0 (congruent) to about 2, a mean over the area; turns of the surface in space do not
-/// count, reflections do.
-pub(super) fn mismatch_of(source: &Side<'_>, target: &Side<'_>, images: &[Option<SurfacePoint>]) -> Result<f64> {
+/// count; `handedness` is -1 where reflections do not count either, and turns do.
+pub(super) fn mismatch_of(
+    source: &Side<'_>,
+    target: &Side<'_>,
+    images: &[Option<SurfacePoint>],
+    handedness: f64,
+) -> Result<f64> {
     let places: Vec<DVec3> = images.iter().map(|p| p.as_ref().map_or(DVec3::ZERO, |p| source.position(p))).collect();
-    let frames = frames(target, &places, 1.0)?;
+    let frames = frames(target, &places, handedness)?;
     let (mut off, mut size) = ([0.0; CHANNELS], [0.0; CHANNELS]);
     for (v, p) in images.iter().enumerate() {
         let Some(p) = p else { continue };

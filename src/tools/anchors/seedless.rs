@@ -95,7 +95,7 @@ pub(super) fn match_tips(couple: &Couple<'_>) -> Result<Seedless> {
     for m in &matches {
         let pairs = anchors(couple, &source, &target, m);
         let images = couple.images(&pairs, 0)?;
-        let off = mismatch_of(&couple.sides[0], &couple.sides[1], &images)?;
+        let off = mismatch_of(&couple.sides[0], &couple.sides[1], &images, 1.0)?;
         tried.push((off, spatial(couple, &pairs), pairs, m));
     }
     tried.sort_by(|a, b| a.0.total_cmp(&b.0));
