@@ -122,7 +122,7 @@ pub(super) fn register(
         images.iter().map(|p| p.as_ref().map_or(DVec3::ZERO, |p| source.position(p))).collect()
     };
     let origin = at(&images);
-    let bending = Bending::new(&target.positions, &target.triangles);
+    let bending = Bending::new(&target.positions, &target.triangles)?;
     let ties: Vec<([u32; 3], [f64; 3])> = holds.iter().map(|h| (h.v, h.x)).collect();
     let mean_mass = bending.mass.iter().sum::<f64>() / n as f64;
     let mut out = Registration { images: Vec::new(), mismatch: vec![0.0; n], hold: vec![0.0; n] };
