@@ -36,6 +36,7 @@ pub mod report;
 mod source;
 pub mod svg;
 mod svg_path;
+pub mod target_list;
 
 use std::io::Read;
 use std::path::Path;

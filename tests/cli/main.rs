@@ -1,6 +1,7 @@
 //! The command line end to end: the built program on small meshes written for each test, and on the bad files of `BARYMAP_DATA`.
 
 mod animate;
+mod batch;
 mod deform;
 mod faults;
 mod machine;

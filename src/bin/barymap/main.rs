@@ -1,6 +1,8 @@
 //! The command line of barymap.
 
 mod animate;
+mod batch;
+mod batch_record;
 mod cage_map;
 mod check;
 mod common;
@@ -54,6 +56,8 @@ enum Command {
     Map(map::Arguments),
     /// Transfers a texture from one mesh to a different one
     Transfer(transfer::Arguments),
+    /// Transfers the texture of one mesh to many others
+    Batch(batch::Arguments),
     /// Warps a picture by a cage, without folds
     Warp(warp::Arguments),
     /// Warps points and outlines by a cage, either way
@@ -79,6 +83,7 @@ fn run(cli: &Cli) -> Result<()> {
         Command::Check(a) => check::run(common, a),
         Command::Map(a) => map::run(common, a),
         Command::Transfer(a) => transfer::run(common, a),
+        Command::Batch(a) => batch::run(common, a),
         Command::Warp(a) => warp::run(common, a),
         Command::WarpPoints(a) => warp_points::run(common, a),
         Command::Deform(a) => deform::run(common, a),

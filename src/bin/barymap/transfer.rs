@@ -19,27 +19,27 @@ use crate::method::{MethodName, prepare};
 pub(crate) struct Arguments {
     /// The mesh with the texture
     #[arg(long)]
-    source: PathBuf,
+    pub(crate) source: PathBuf,
     /// A texture of the source: FILE, or MATERIAL=FILE for one of its materials. Repeat for several layers (with as many -o) or materials.
     /// Without it the textures named by the source's materials are taken
     #[arg(long)]
-    texture: Vec<String>,
+    pub(crate) texture: Vec<String>,
     /// The mesh that receives it, with texture coordinates
     #[arg(long)]
-    target: PathBuf,
+    pub(crate) target: PathBuf,
     /// Pairs of anchors: JSON, lines `iS iT`, or two files `S.vts,T.vts`
     #[arg(long)]
-    anchors: String,
+    pub(crate) anchors: String,
     /// The new texture: PNG, JPEG, TIFF or EXR; one for each layer
     #[arg(long, short, required = true)]
-    output: Vec<PathBuf>,
+    pub(crate) output: Vec<PathBuf>,
     /// How points are carried
     #[arg(long, value_enum, default_value = "transport")]
-    method: MethodName,
+    pub(crate) method: MethodName,
     #[command(flatten)]
-    look: Look,
+    pub(crate) look: Look,
     #[command(flatten)]
-    embedding: EmbeddingArguments,
+    pub(crate) embedding: EmbeddingArguments,
 }
 
 /// What the result looks like.
@@ -109,7 +109,7 @@ impl Textures {
 }
 
 /// The layers that `--texture` asks for.
-fn textures(arguments: &Arguments, source: &Surface) -> Result<Vec<Textures>> {
+pub(crate) fn textures(arguments: &Arguments, source: &Surface) -> Result<Vec<Textures>> {
     if arguments.texture.is_empty() {
         return Ok(vec![own_textures(source)?]);
     }
@@ -204,7 +204,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-fn require_texcoords(surface: &Surface) -> Result<()> {
+pub(crate) fn require_texcoords(surface: &Surface) -> Result<()> {
     if surface.mesh.has_texcoords() {
         return Ok(());
     }
