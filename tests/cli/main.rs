@@ -10,4 +10,5 @@ mod pairs;
 mod steps;
 mod support;
 mod transfer;
+mod unwrap;
 mod warp;

@@ -11,7 +11,8 @@ use serde_json::{Value, json};
 use crate::batch_record::{self, Record};
 use crate::common::{Common, EmbeddingArguments, Session, Surface, anchor_pairs, usage};
 use crate::method::MethodName;
-use crate::transfer::{self, Job, Look, Textures, require_texcoords};
+use crate::transfer::{self, Job, Look, Textures, add, require_texcoords, target_charts};
+use crate::unwrap::Charts;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -33,9 +34,11 @@ pub(crate) struct Arguments {
     /// How points are carried
     #[arg(long, value_enum, default_value = "transport")]
     method: MethodName,
-    /// What the results look like; `--coverage` and `--model` are names of files in each result's folder
+    /// What the results look like; `--coverage`, `--model` and `--unwrapped` are names of files in each result's folder
     #[command(flatten)]
     look: Look,
+    #[command(flatten)]
+    charts: Charts,
     #[command(flatten)]
     embedding: EmbeddingArguments,
 }
@@ -72,6 +75,7 @@ enum Outcome {
 }
 
 pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
+    arguments.charts.check(arguments.look.size, arguments.look.model.is_some())?;
     let items = arguments.shard.of(read_targets(&arguments.targets, Some(&arguments.source))?);
     std::fs::create_dir_all(&arguments.output)
         .map_err(|e| Error::io(&arguments.output, e, "Name a folder that can be made and written with -o"))?;
@@ -122,13 +126,14 @@ impl Arguments {
             output: Vec::new(),
             method: self.method,
             look: self.look.clone(),
+            charts: self.charts.clone(),
             embedding: self.embedding,
         }
     }
 
     /// Everything but the content of files that decides on the results.
     fn options(&self) -> String {
-        format!("{:?} {:?} {:?} {:?}", self.texture, self.method, self.look, self.embedding)
+        format!("{:?} {:?} {:?} {:?} {:?}", self.texture, self.method, self.look, self.charts, self.embedding)
     }
 
     /// File names of the layers of a result: those of their textures, where a layer has one.
@@ -138,7 +143,11 @@ impl Arguments {
     fn names(&self, layers: &[Textures]) -> Result<Vec<String>> {
         let own = |k: usize| self.texture.get(k).filter(|_| layers.len() == self.texture.len() && !layers.is_empty());
         let names: Vec<String> = (0..layers.len()).map(|k| layer_name(own(k).map(String::as_str))).collect();
-        let look = [("--coverage", &self.look.coverage), ("--model", &self.look.model)];
+        let look = [
+            ("--coverage", &self.look.coverage),
+            ("--model", &self.look.model),
+            ("--unwrapped", &self.charts.unwrapped),
+        ];
         let mut taken = vec![batch_record::FILE.to_owned()];
         let mut take = |option: &str, name: &str| {
             let plain = Path::new(name).file_name().is_some_and(|n| n == name);
@@ -211,15 +220,19 @@ impl Batch<'_> {
         let mut target = session.surface(loaded.mesh)?;
         session.watch.lap("read");
         let pairs = anchor_pairs(anchors, &self.source, &target, session)?;
-        require_texcoords(&target)?;
         let folder = OutputFolder::replace(&place)?;
         let inside = |name: &Path| folder.path().join(name);
         let outputs: Vec<PathBuf> = self.names.iter().map(|n| inside(Path::new(n))).collect();
+        let charts = Charts {
+            unwrapped: self.arguments.charts.unwrapped.as_deref().map(inside),
+            ..self.arguments.charts.clone()
+        };
         let look = Look {
             coverage: self.arguments.look.coverage.as_deref().map(inside),
             model: self.arguments.look.model.as_deref().map(inside),
             ..self.arguments.look.clone()
         };
+        let charts = target_charts(session, &mut target, &charts, &look)?;
         let job = Job {
             layers: &self.layers,
             anchors: &pairs,
@@ -228,7 +241,8 @@ impl Batch<'_> {
             look: &look,
             outputs: &outputs,
         };
-        let (_, _, report) = job.run(session, "batch", &mut self.source, &mut target)?;
+        let (_, _, mut report) = job.run(session, "batch", &mut self.source, &mut target)?;
+        add(&mut report, &charts);
         let record = Record::new(&item.name, key, report, folder.path())?;
         record.write(folder.path())?;
         folder.finish()?;

@@ -14,6 +14,7 @@ use serde_json::json;
 
 use crate::common::{Common, EmbeddingArguments, Session, Surface, anchor_pairs, check_outputs, size, usage};
 use crate::method::{MethodName, prepare};
+use crate::unwrap::Charts;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -24,7 +25,7 @@ pub(crate) struct Arguments {
     /// Without it the textures named by the source's materials are taken
     #[arg(long)]
     pub(crate) texture: Vec<String>,
-    /// The mesh that receives it, with texture coordinates
+    /// The mesh that receives it, with texture coordinates or with --unwrap
     #[arg(long)]
     pub(crate) target: PathBuf,
     /// Pairs of anchors: JSON, lines `iS iT`, or two files `S.vts,T.vts`
@@ -38,6 +39,8 @@ pub(crate) struct Arguments {
     pub(crate) method: MethodName,
     #[command(flatten)]
     pub(crate) look: Look,
+    #[command(flatten)]
+    pub(crate) charts: Charts,
     #[command(flatten)]
     pub(crate) embedding: EmbeddingArguments,
 }
@@ -176,6 +179,8 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let outputs = arguments.output.iter().map(PathBuf::as_path);
     check_outputs(outputs.chain(arguments.look.coverage.as_deref()).chain(arguments.look.model.as_deref()))?;
     arguments.output.iter().try_for_each(barymap::io::image_file::check_image_extension)?;
+    check_outputs(arguments.charts.unwrapped.as_deref())?;
+    arguments.charts.check(arguments.look.size, arguments.look.model.is_some())?;
     let mut session = Session::start(common)?;
     let (mut source, mut target) = (session.mesh(&arguments.source)?, session.mesh(&arguments.target)?);
     let layers = textures(arguments, &source)?;
@@ -189,7 +194,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     session.watch.lap("read");
     let anchors = anchor_pairs(&arguments.anchors, &source, &target, &session)?;
     require_texcoords(&source)?;
-    require_texcoords(&target)?;
+    let charts = target_charts(&mut session, &mut target, &arguments.charts, &arguments.look)?;
     let job = Job {
         layers: &layers,
         anchors: &anchors,
@@ -198,7 +203,8 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         look: &arguments.look,
         outputs: &arguments.output,
     };
-    let (result, _, report) = job.run(&mut session, "transfer", &mut source, &mut target)?;
+    let (result, _, mut report) = job.run(&mut session, "transfer", &mut source, &mut target)?;
+    add(&mut report, &charts);
     session.write_report(&report)?;
     summary(&session, &arguments.output[0], &result, &report);
     Ok(())
@@ -208,7 +214,29 @@ pub(crate) fn require_texcoords(surface: &Surface) -> Result<()> {
     if surface.mesh.has_texcoords() {
         return Ok(());
     }
-    Err(Error::mesh(&surface.mesh.name, "it has no texture coordinates", "Unwrap it in a modelling program first"))
+    let remedy =
+        "A source needs those of its texture; a target can be given some with --unwrap, any mesh with `barymap unwrap`";
+    Err(Error::mesh(&surface.mesh.name, "it has no texture coordinates", remedy))
+}
+
+/// Makes the target's charts where asked, else says what is unfit about them; for the report.
+pub(crate) fn target_charts(
+    session: &mut Session<'_>,
+    target: &mut Surface,
+    charts: &Charts,
+    look: &Look,
+) -> Result<serde_json::Value> {
+    if !charts.unwrap {
+        require_texcoords(target)?;
+    }
+    charts.apply(session, target, look.size, look.margin)
+}
+
+/// Adds the entries of `extra` to a report.
+pub(crate) fn add(report: &mut serde_json::Value, extra: &serde_json::Value) {
+    if let (Some(report), Some(extra)) = (report.as_object_mut(), extra.as_object()) {
+        report.extend(extra.clone());
+    }
 }
 
 /// A transfer with everything read.
@@ -297,9 +325,7 @@ impl Job<'_> {
             "bands": s.bands,
             "device_stages": s.device_stages,
         });
-        if let (Some(report), Some(extra)) = (report.as_object_mut(), extra.as_object()) {
-            report.extend(extra.clone());
-        }
+        add(&mut report, &extra);
         Ok((result, vertices, report))
     }
 }
