@@ -10,6 +10,8 @@ use crate::geometry::{Corner, Mesh, MeshBuilder, NONE};
 
 /// More triangles than this are packed by rows, which is tens of times faster with thousands of charts.
 const SHAPES: usize = 400_000;
+/// Triangles of mean size that a chart may grow to: the time to flatten one grows faster than its size.
+const LARGEST_CHART: f64 = 20_000.0;
 
 /// The mesh in single precision, in a unit box around its middle.
 pub(super) struct Input {
@@ -19,6 +21,8 @@ pub(super) struct Input {
     texcoords: Option<Vec<[f32; 2]>>,
     polygons: Vec<u32>,
     materials: Vec<u32>,
+    /// Of the surface, in these positions' units.
+    area: f64,
 }
 
 impl Input {
@@ -37,6 +41,7 @@ impl Input {
             texcoords: None,
             polygons: (0..mesh.triangle_count()).map(|t| mesh.triangle_polygon(t)).collect(),
             materials: (0..mesh.triangle_count()).map(|t| mesh.triangle_material(t)).collect(),
+            area: mesh.area() / (size * size),
         }
     }
 
@@ -66,7 +71,10 @@ impl Input {
             existing_uvs: self.texcoords.as_deref(),
             ..MeshInput::new(&self.positions, &self.indices)
         };
+        let share = LARGEST_CHART / self.polygons.len() as f64;
+        let largest = if share < 1.0 { (share * self.area) as f32 } else { 0.0 };
         let options = Options {
+            max_chart_area: if largest.is_finite() { largest } else { 0.0 },
             max_chart_angle: options.angle as f32,
             density: Density::Auto { page_size: options.size },
             padding: options.gap.div_ceil(2),
