@@ -32,7 +32,8 @@ pub fn findings(mesh: &Mesh, texels: u64, repeat: bool, by_material: bool) -> Fi
     let islands = Islands::new(mesh);
     let found = overlaps(mesh, &islands, &OverlapOptions { repeat, by_material, slack: SLACK });
     let area = mesh.area().max(f64::MIN_POSITIVE);
-    let share = |triangles: &[u32]| triangles.iter().map(|&t| mesh.triangle_area(t as usize)).sum::<f64>() / area;
+    // From 0, because a sum of nothing is -0.
+    let share = |triangles: &[u32]| triangles.iter().fold(0.0, |sum, &t| sum + mesh.triangle_area(t as usize)) / area;
     let Overlaps { mut overlaps, triangles, complete } = found;
     overlaps.retain(|o| o.area * texels as f64 >= 1.0);
     overlaps.sort_by(|a, b| b.area.total_cmp(&a.area).then(a.islands.cmp(&b.islands)));
@@ -40,7 +41,7 @@ pub fn findings(mesh: &Mesh, texels: u64, repeat: bool, by_material: bool) -> Fi
         (0..islands.islands.len() as u32).filter(|&i| islands.islands[i as usize].mirrored).collect();
     let area_of = |i: u32| islands.islands[i as usize].area;
     mirrored.sort_by(|&a, &b| area_of(b).total_cmp(&area_of(a)).then(a.cmp(&b)));
-    let mirrored_area = mirrored.iter().map(|&i| area_of(i)).sum::<f64>() / area;
+    let mirrored_area = mirrored.iter().fold(0.0, |sum, &i| sum + area_of(i)) / area;
     Findings {
         overlapping_area: if overlaps.is_empty() { 0.0 } else { share(&triangles) },
         mirrored_area,
