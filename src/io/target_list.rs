@@ -217,7 +217,7 @@ mod tests {
         );
         let items = items.unwrap();
         let bad: Vec<&str> = items.iter().filter(|i| i.files.is_err()).map(|i| i.name.as_str()).collect();
-        assert_eq!((items.len(), bad), (5, vec!["B", "b", "item____c", "item_1"]));
+        assert_eq!((items.len(), bad), (5, vec!["B", "b", "item_1", "item____c"]));
         assert!(items.iter().all(|i| !i.name.contains('/')));
         assert!(items.iter().find(|i| i.name == "d").unwrap().files.is_ok());
     }
