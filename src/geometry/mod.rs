@@ -12,6 +12,7 @@ pub mod polygon;
 pub mod sampling;
 pub mod simplify;
 pub mod surface_point;
+pub mod texcoords;
 pub mod topology;
 
 pub use closest::ClosestPoints;

@@ -1,6 +1,7 @@
 //! The command line end to end: the built program on small meshes written for each test, and on the bad files of `BARYMAP_DATA`.
 
 mod animate;
+mod batch;
 mod deform;
 mod faults;
 mod machine;
@@ -10,4 +11,5 @@ mod steps;
 mod support;
 mod textures;
 mod transfer;
+mod unwrap;
 mod warp;

@@ -1,6 +1,8 @@
 //! The command line of barymap.
 
 mod animate;
+mod batch;
+mod batch_record;
 mod cage_map;
 mod check;
 mod common;
@@ -14,6 +16,7 @@ mod morph;
 mod progress_bar;
 mod render;
 mod transfer;
+mod unwrap;
 mod warp;
 mod warp_points;
 mod weights;
@@ -54,6 +57,10 @@ enum Command {
     Map(map::Arguments),
     /// Transfers a texture from one mesh to a different one
     Transfer(transfer::Arguments),
+    /// Transfers the texture of one mesh to many others
+    Batch(batch::Arguments),
+    /// Makes texture coordinates for a mesh: charts without overlaps, flattened and packed
+    Unwrap(unwrap::Arguments),
     /// Warps a picture by a cage, without folds
     Warp(warp::Arguments),
     /// Warps points and outlines by a cage, either way
@@ -79,6 +86,8 @@ fn run(cli: &Cli) -> Result<()> {
         Command::Check(a) => check::run(common, a),
         Command::Map(a) => map::run(common, a),
         Command::Transfer(a) => transfer::run(common, a),
+        Command::Batch(a) => batch::run(common, a),
+        Command::Unwrap(a) => unwrap::run(common, a),
         Command::Warp(a) => warp::run(common, a),
         Command::WarpPoints(a) => warp_points::run(common, a),
         Command::Deform(a) => deform::run(common, a),

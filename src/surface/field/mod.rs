@@ -11,6 +11,7 @@ mod predict;
 mod radial;
 mod relax;
 mod relief;
+mod repair;
 mod rigid;
 mod session;
 
@@ -25,6 +26,7 @@ use self::closest::{ClosestOnSurface, FLAT};
 use self::predict::Point;
 use self::relax::{Pin, relax, stiffness};
 use self::relief::Relief;
+use self::repair::{Images, Repaired};
 use crate::engine::Real;
 use crate::error::{Error, Result};
 use crate::geometry::{NONE, SurfacePoint};
@@ -71,6 +73,8 @@ pub struct FieldReport {
     pub lambda: f64,
     /// For each anchor how far the others would have missed it, over the square root of the source's area; empty where no anchor was left out.
     pub left_out: Vec<f64>,
+    /// Triangles of the target that the relaxation turned over, and those that are so still after the repair.
+    pub turned: [usize; 2],
 }
 
 /// The map from the target to the source by a field in R^K over an embedding in R^D, `K = D + 4`.
@@ -90,6 +94,8 @@ pub struct Field<S: Real, const K: usize> {
     start_faces: Vec<u32>,
     /// For each vertex of the target the error to be expected; empty without evidence.
     drift: Vec<f64>,
+    /// Triangles of the target that are turned over, rising.
+    turned: Vec<usize>,
     /// What the relaxation compared beside places; none without it.
     relief: Option<Relief>,
     /// Mean edge of the source in R^K over the square root of its area.
@@ -209,9 +215,14 @@ impl<S: Real, const K: usize> Field<S, K> {
         if options.confidence {
             let counted: Vec<f64> = left_out.iter().map(|l| l * few(left_out.len())).collect();
             field.drift = spread_drift(&from.surface, from.edge, &known.a, &counted);
+            // Nobody vouches for what is turned over.
+            for v in field.turned.iter().flat_map(|&t| field.triangles[t]) {
+                field.drift[v as usize] = f64::INFINITY;
+            }
         }
+        let turned = field.report.turned;
         field.report =
-            FieldReport { embedded: embedded.parts.clone(), spatial: spatial.parts.clone(), lambda, left_out };
+            FieldReport { turned, embedded: embedded.parts.clone(), spatial: spatial.parts.clone(), lambda, left_out };
         Ok(field)
     }
 
@@ -239,13 +250,30 @@ impl<S: Real, const K: usize> Field<S, K> {
             starts = relaxed.0;
             relief = Some(relaxed.1);
         }
-        let starts: Vec<u32> = (0..z.len())
+        let mut starts: Vec<u32> = (0..z.len())
             .into_par_iter()
             .map(|v| {
                 closest.near((&z[v], &FLAT), starts[v]).filter(|_| shapes.used[v]).map_or(NONE, |c| closest.vertex(&c))
             })
             .collect();
-        let start_faces = triangles.par_iter().map(|t| start_face(&closest, &z, &starts, *t)).collect();
+        let faces = |z: &[Vector<f64, K>], starts: &[u32]| -> Vec<u32> {
+            triangles.par_iter().map(|t| start_face(&closest, z, starts, *t)).collect()
+        };
+        let mut start_faces = faces(&z, &starts);
+        let mut turned = Repaired::default();
+        if relaxed {
+            let mut held = vec![false; z.len()];
+            for p in &anchors.target {
+                let corners = triangles[p.face as usize].into_iter().zip(p.barycentric);
+                corners.filter(|(_, x)| *x > 0.0).for_each(|(v, _)| held[v as usize] = true);
+            }
+            let (z, starts) = (&mut z[..], &mut starts[..]);
+            let start_faces = &start_faces;
+            turned = Images { shapes, reference: &reference, closest: &closest, z, starts, start_faces }.repair(&held);
+        }
+        if turned.before > turned.left.len() {
+            start_faces = faces(&z, &starts);
+        }
         let unit = reference.edge;
         Ok(Self {
             source: reference.cast(),
@@ -259,7 +287,8 @@ impl<S: Real, const K: usize> Field<S, K> {
             relief,
             unit,
             trust: Trust::default(),
-            report: FieldReport::default(),
+            report: FieldReport { turned: [turned.before, turned.left.len()], ..FieldReport::default() },
+            turned: turned.left,
         })
     }
 
@@ -389,7 +418,8 @@ fn few(anchors: usize) -> f64 {
 }
 
 fn combine_scalars(point: PackedPoint, at: [f64; 3]) -> f64 {
-    point.unpack().barycentric.iter().zip(at).map(|(x, d)| x * d).sum::<f64>().max(0.0)
+    let x = point.unpack().barycentric;
+    x.iter().zip(at).filter(|(x, _)| **x != 0.0).map(|(x, d)| x * d).sum::<f64>().max(0.0)
 }
 
 impl<S: Real, const K: usize> PointMap for Field<S, K> {
