@@ -13,6 +13,7 @@ pub mod sampling;
 pub mod simplify;
 pub mod surface_point;
 pub mod tangent_frames;
+pub mod texcoords;
 pub mod topology;
 
 pub use closest::ClosestPoints;

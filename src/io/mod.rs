@@ -38,6 +38,7 @@ pub mod report;
 mod source;
 pub mod svg;
 mod svg_path;
+pub mod target_list;
 pub mod texture_name;
 
 use std::io::Read;

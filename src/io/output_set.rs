@@ -15,6 +15,8 @@ const REMEDY: &str = "Name a folder that does not exist yet, or an empty one, in
 pub struct OutputFolder {
     place: PathBuf,
     building: Temporary,
+    /// What is at the place goes away.
+    replaces: bool,
 }
 
 impl OutputFolder {
@@ -28,9 +30,29 @@ impl OutputFolder {
         if place.exists() && fs::read_dir(&place).map_err(failed)?.next().is_some() {
             return Err(failed(io::Error::new(io::ErrorKind::AlreadyExists, "the folder is not empty")));
         }
+        Self::begin(place, false)
+    }
+
+    /// Begins a folder that takes the place of the one at `place`, if there is one, and of all that is in it, when it is finished.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if there is a file at `place` or its parent cannot be written.
+    pub fn replace(place: impl AsRef<Path>) -> Result<Self> {
+        let place = place.as_ref().to_path_buf();
+        if place.exists() && !place.is_dir() {
+            return Err(Error::io(
+                &place,
+                io::Error::new(io::ErrorKind::AlreadyExists, "this is not a folder"),
+                REMEDY,
+            ));
+        }
+        Self::begin(place, true)
+    }
+
+    fn begin(place: PathBuf, replaces: bool) -> Result<Self> {
         let building = Temporary::beside(&place, &place)?;
-        fs::create_dir(building.path()).map_err(failed)?;
-        Ok(Self { place, building })
+        fs::create_dir(building.path()).map_err(|e| Error::io(&place, e, REMEDY))?;
+        Ok(Self { place, building, replaces })
     }
 
     /// Where its files are written meanwhile.
@@ -43,6 +65,22 @@ impl OutputFolder {
     /// # Errors
     /// [`Error::Io`] if that is not possible; its files are removed then.
     pub fn finish(self) -> Result<()> {
+        if self.replaces && self.place.is_dir() {
+            // What was there is removed when this is dropped.
+            let old = Temporary::beside(&self.place, &self.place)?;
+            // Under the lock, so that an interrupt finds the old folder or the new one. Released before `old` is dropped.
+            let registry = registry();
+            let failed = |e| Error::io(&self.place, e, REMEDY);
+            if registry.closed {
+                return Err(failed(io::ErrorKind::Interrupted.into()));
+            }
+            fs::rename(&self.place, old.path()).map_err(failed)?;
+            return fs::rename(self.building.path(), &self.place).map_err(|error| {
+                // A second failure while mending the first cannot be mended.
+                let _ = fs::rename(old.path(), &self.place);
+                failed(error)
+            });
+        }
         if self.place.is_dir() {
             // Empty, or this fails and nothing is lost.
             fs::remove_dir(&self.place).map_err(|e| Error::io(&self.place, e, REMEDY))?;
@@ -148,6 +186,27 @@ mod tests {
             fs::read_dir(dir).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
         names.sort();
         names
+    }
+
+    #[test]
+    fn a_folder_takes_the_place_of_another_only_at_its_end() {
+        let dir = tempfile::tempdir().unwrap();
+        let place = dir.path().join("f");
+        for (round, name) in ["a", "b", "c"].into_iter().enumerate() {
+            let folder = OutputFolder::replace(&place).unwrap();
+            fs::write(folder.path().join(name), name).unwrap();
+            assert_eq!(
+                place.is_dir().then(|| names(&place)),
+                [None, Some(vec!["a".into()]), Some(vec!["b".into()])][round]
+            );
+            folder.finish().unwrap();
+            assert_eq!((names(&place), names(dir.path())), (vec![name.to_owned()], vec!["f".to_owned()]));
+        }
+        drop(OutputFolder::replace(&place).unwrap());
+        assert_eq!((names(&place), names(dir.path())), (vec!["c".to_owned()], vec!["f".to_owned()]));
+        fs::write(dir.path().join("file"), "").unwrap();
+        assert!(OutputFolder::replace(dir.path().join("file")).is_err());
+        assert!(OutputFolder::create(&place).is_err(), "only replacing removes what is there");
     }
 
     #[test]

@@ -10,5 +10,7 @@ pub mod morph;
 pub mod render;
 pub mod stopwatch;
 pub mod transfer;
+#[cfg(feature = "unwrap")]
+pub mod unwrap;
 pub mod vertex_map;
 pub mod warp;

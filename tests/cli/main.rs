@@ -3,6 +3,7 @@
 mod anchors;
 mod animate;
 mod attributes;
+mod batch;
 mod deform;
 mod faults;
 mod kinds;
@@ -13,4 +14,5 @@ mod steps;
 mod support;
 mod textures;
 mod transfer;
+mod unwrap;
 mod warp;

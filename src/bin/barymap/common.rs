@@ -164,8 +164,11 @@ impl<'a> Session<'a> {
         Ok(Surface { mesh, topology, embedding: None })
     }
 
-    /// Embeds a surface, or takes its embedding from the cache.
+    /// Embeds a surface, or takes its embedding from the cache. The options are the same for a whole command: a surface that has an embedding keeps it.
     pub(crate) fn embed(&mut self, surface: &mut Surface, options: &EmbeddingOptions) -> Result<()> {
+        if surface.embedding.is_some() {
+            return Ok(());
+        }
         let key = barymap::surface::embedding::cache_key(&surface.mesh, options);
         let cached = self.cache.get(&key).and_then(|bytes| Embedding::from_bytes(&bytes).ok());
         let embedding = match cached {

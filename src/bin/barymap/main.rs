@@ -3,6 +3,8 @@
 mod anchors;
 mod animate;
 mod attributes;
+mod batch;
+mod batch_record;
 mod cage_map;
 mod check;
 mod common;
@@ -17,6 +19,7 @@ mod morph;
 mod progress_bar;
 mod render;
 mod transfer;
+mod unwrap;
 mod warp;
 mod warp_points;
 mod weights;
@@ -61,6 +64,10 @@ enum Command {
     Transfer(transfer::Arguments),
     /// Carries data of vertices from one mesh to a different one: skin weights, colours, scalars, labels, vectors
     Attributes(attributes::Arguments),
+    /// Transfers the texture of one mesh to many others
+    Batch(batch::Arguments),
+    /// Makes texture coordinates for a mesh: charts without overlaps, flattened and packed
+    Unwrap(unwrap::Arguments),
     /// Warps a picture by a cage, without folds
     Warp(warp::Arguments),
     /// Warps points and outlines by a cage, either way
@@ -88,6 +95,8 @@ fn run(cli: &Cli) -> Result<()> {
         Command::Map(a) => map::run(common, a),
         Command::Transfer(a) => transfer::run(common, a),
         Command::Attributes(a) => attributes::run(common, a),
+        Command::Batch(a) => batch::run(common, a),
+        Command::Unwrap(a) => unwrap::run(common, a),
         Command::Warp(a) => warp::run(common, a),
         Command::WarpPoints(a) => warp_points::run(common, a),
         Command::Deform(a) => deform::run(common, a),

@@ -19,9 +19,10 @@ use serde_json::json;
 use crate::common::{Common, EmbeddingArguments, Session, Surface, anchor_pairs, check_outputs, size, usage};
 use crate::layer_kinds::LayerKinds;
 use crate::method::{MethodName, prepare};
+use crate::unwrap::{Charts, Shown};
 use model::{Skin, SourceLook};
 use pictures::{Names, Writer};
-pub(crate) use textures::{Textures, own_textures};
+pub(crate) use textures::{Textures, own_textures, textures};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -33,7 +34,7 @@ pub(crate) struct Arguments {
     /// textures named by the source's materials are taken
     #[arg(long)]
     texture: Vec<String>,
-    /// The mesh that receives it, with texture coordinates
+    /// The mesh that receives it, with texture coordinates or with --unwrap
     #[arg(long)]
     target: PathBuf,
     /// Pairs of anchors: JSON, lines `iS iT`, or two files `S.vts,T.vts`
@@ -50,6 +51,8 @@ pub(crate) struct Arguments {
     kinds: LayerKinds,
     #[command(flatten)]
     look: Look,
+    #[command(flatten)]
+    charts: Charts,
     #[command(flatten)]
     embedding: EmbeddingArguments,
 }
@@ -138,7 +141,7 @@ impl Look {
 }
 
 /// The name of each layer's output, from one with `<ROLE>` or one for each.
-fn layer_names(outputs: &[String], layers: &[Textures]) -> Result<Vec<TextureName>> {
+pub(crate) fn layer_names(outputs: &[String], layers: &[Textures]) -> Result<Vec<TextureName>> {
     let names: Vec<TextureName> = outputs.iter().map(TextureName::new).collect();
     if let [name] = &names[..]
         && name.has_role()
@@ -157,7 +160,8 @@ fn layer_names(outputs: &[String], layers: &[Textures]) -> Result<Vec<TextureNam
 }
 
 pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
-    check_outputs(arguments.look.model.as_deref())?;
+    check_outputs(arguments.look.model.as_deref().into_iter().chain(arguments.charts.unwrapped.as_deref()))?;
+    arguments.charts.check(arguments.look.size, arguments.look.model.is_some())?;
     arguments.output.iter().try_for_each(barymap::io::image_file::check_image_extension)?;
     let stmap = arguments.look.stmap.as_ref();
     if let Some(name) = stmap.filter(|n| !n.to_ascii_lowercase().ends_with(".exr")) {
@@ -172,7 +176,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let mut session = Session::start(common)?;
     let (mut source, mut target) = (session.mesh(&arguments.source)?, session.mesh(&arguments.target)?);
     let all_roles = arguments.output.is_empty() || arguments.output.iter().any(|o| TextureName::new(o).has_role());
-    let mut layers = textures::textures(&arguments.texture, all_roles, &source, &session)?;
+    let mut layers = textures(&arguments.texture, all_roles, &source, &session)?;
     let outputs = layer_names(&arguments.output, &layers)?;
     let roles: Vec<&str> = layers.iter().map(|l| l.role.as_str()).collect();
     let kinds = arguments.kinds.of(&roles)?;
@@ -180,7 +184,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     session.watch.lap("read");
     let anchors = anchor_pairs(&arguments.anchors, &source, &target, &session)?;
     require_texcoords(&source)?;
-    require_texcoords(&target)?;
+    let charts = target_charts(&mut session, &mut target, &arguments.charts, &arguments.look, &outputs)?;
     let job = Job {
         layers: &layers,
         anchors: &anchors,
@@ -189,18 +193,48 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         look: &arguments.look,
         outputs: &outputs,
     };
-    let (result, _, report) = job.run(&mut session, "transfer", &mut source, &mut target)?;
+    let (result, _, mut report) = job.run(&mut session, "transfer", &mut source, &mut target)?;
+    add(&mut report, &charts);
     session.write_report(&report)?;
     let first = arguments.output.first().map(PathBuf::from).or_else(|| arguments.look.model.clone());
     summary(&session, &first.unwrap_or_default(), &result, &report);
     Ok(())
 }
 
-fn require_texcoords(surface: &Surface) -> Result<()> {
+pub(crate) fn require_texcoords(surface: &Surface) -> Result<()> {
     if surface.mesh.has_texcoords() {
         return Ok(());
     }
-    Err(Error::mesh(&surface.mesh.name, "it has no texture coordinates", "Unwrap it in a modelling program first"))
+    let remedy =
+        "A source needs those of its texture; a target can be given some with --unwrap, any mesh with `barymap unwrap`";
+    Err(Error::mesh(&surface.mesh.name, "it has no texture coordinates", remedy))
+}
+
+/// Makes the target's charts where asked, else says what is unfit about them for pictures of these names; for the report.
+pub(crate) fn target_charts(
+    session: &mut Session<'_>,
+    target: &mut Surface,
+    charts: &Charts,
+    look: &Look,
+    names: &[TextureName],
+) -> Result<serde_json::Value> {
+    if !charts.unwrap {
+        require_texcoords(target)?;
+    }
+    let shown = Shown {
+        size: look.size,
+        margin: look.margin,
+        repeat: !names.iter().any(TextureName::has_tile),
+        by_material: names.iter().any(TextureName::has_material),
+    };
+    charts.apply(session, target, &shown)
+}
+
+/// Adds the entries of `extra` to a report.
+pub(crate) fn add(report: &mut serde_json::Value, extra: &serde_json::Value) {
+    if let (Some(report), Some(extra)) = (report.as_object_mut(), extra.as_object()) {
+        report.extend(extra.clone());
+    }
 }
 
 /// A transfer with everything read.
@@ -324,9 +358,7 @@ impl Job<'_> {
             "files": files,
             "device_stages": s.device_stages,
         });
-        if let (Some(report), Some(extra)) = (report.as_object_mut(), extra.as_object()) {
-            report.extend(extra.clone());
-        }
+        add(&mut report, &extra);
         Ok((result, vertices, report))
     }
 

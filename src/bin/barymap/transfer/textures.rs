@@ -106,7 +106,7 @@ impl Request {
 }
 
 /// The layers that `--texture` asks for; without it those of the source's materials, in all roles if `all_roles`.
-pub(super) fn textures(
+pub(crate) fn textures(
     texts: &[String],
     all_roles: bool,
     source: &Surface,

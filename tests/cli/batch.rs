@@ -1,0 +1,172 @@
+//! `barymap batch`.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use serde_json::Value;
+
+use crate::support::{Folder, stretched, waves};
+
+const BATCH: &str = "batch --backend cpu --source s.obj --texture s.png --targets in --method rbf --size 48 --margin 2";
+
+/// A folder with a source and, in `in`, spheres of different connectivity with their anchors.
+fn targets(names: &[&str]) -> Folder {
+    let f = Folder::spheres();
+    fs::create_dir(f.path("in")).unwrap();
+    for (k, name) in names.iter().enumerate() {
+        barymap::io::write_obj(&stretched(12 + 2 * k, 10 + k), f.path(&format!("in/{name}.obj"))).unwrap();
+        f.anchors(&format!("in/{name}.json"), 12, |p| p);
+    }
+    f
+}
+
+/// Every file below a folder with its content.
+fn tree(path: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut all = BTreeMap::new();
+    let mut open = vec![path.to_path_buf()];
+    while let Some(folder) = open.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let file = entry.unwrap().path();
+            if file.is_dir() {
+                open.push(file);
+            } else {
+                let name = file.strip_prefix(path).unwrap().to_string_lossy().into_owned();
+                all.insert(name, fs::read(file).unwrap());
+            }
+        }
+    }
+    all
+}
+
+/// The status of each item in a report.
+fn statuses(report: &Value) -> Vec<(String, String)> {
+    let text = |v: &Value| v.as_str().unwrap().to_owned();
+    report["items"].as_array().unwrap().iter().map(|i| (text(&i["name"]), text(&i["status"]))).collect()
+}
+
+fn status(report: &Value, name: &str) -> String {
+    statuses(report).into_iter().find(|s| s.0 == name).unwrap_or_else(|| panic!("{name} is not in {report}")).1
+}
+
+#[test]
+fn each_target_gets_what_a_transfer_gives() {
+    let f = targets(&["a", "b"]);
+    let ran = f.run(&format!("{BATCH} -o out --coverage c.png --model m.glb --report r.json")).succeeds();
+    assert!(ran.stdout.contains("2 done, 0 skipped, 0 failed"), "{}", ran.stdout);
+    let names: Vec<String> = tree(&f.path("out")).into_keys().collect();
+    let files = ["c.png", "item.json", "m.glb", "s.png"];
+    let wanted: Vec<String> = ["a", "b"].iter().flat_map(|n| files.map(|f| format!("{n}/{f}"))).collect();
+    assert_eq!(names, wanted);
+    let one = BATCH.replace("batch", "transfer").replace("--targets in", "--target in/b.obj --anchors in/b.json");
+    f.run(&format!("{one} -o o.png --coverage c.png")).succeeds();
+    assert_eq!(f.bytes("out/b/s.png"), f.bytes("o.png"));
+    assert_eq!(f.bytes("out/b/c.png"), f.bytes("c.png"));
+    let report = f.json("r.json");
+    assert_eq!(report["done"], 2);
+    assert!(report["items"][1]["report"]["valid_fraction"].as_f64().unwrap() > 0.9, "{report}");
+    assert_eq!(f.json("out/a/item.json")["report"]["method"], "rbf");
+}
+
+#[test]
+fn shards_together_are_the_whole() {
+    let f = targets(&["a", "b", "c", "d", "e"]);
+    f.run(&format!("{BATCH} -o whole")).succeeds();
+    for i in 1..=3 {
+        f.run(&format!("{BATCH} -o parts --shard {i}/3 --report r{i}.json")).succeeds();
+    }
+    assert_eq!(tree(&f.path("whole")), tree(&f.path("parts")));
+    let shares: Vec<usize> = (1..=3).map(|i| statuses(&f.json(&format!("r{i}.json"))).len()).collect();
+    assert_eq!(shares, [2, 2, 1]);
+    // The comparison sees a single changed byte.
+    let mut bytes = f.bytes("parts/c/s.png");
+    *bytes.last_mut().unwrap() ^= 1;
+    fs::write(f.path("parts/c/s.png"), bytes).unwrap();
+    assert_ne!(tree(&f.path("whole")), tree(&f.path("parts")));
+    // More shards than targets: some have nothing to do.
+    f.run(&format!("{BATCH} -o parts --shard 9/9")).succeeds();
+    for wrong in ["0/3", "4/3", "x"] {
+        let ran = f.run(&format!("{BATCH} -o parts --shard {wrong}"));
+        assert!(ran.code == Some(2) && ran.stderr.contains("--shard"), "{ran:?}");
+    }
+}
+
+#[test]
+fn what_is_done_is_not_made_again_and_what_changed_is() {
+    let f = targets(&["a", "b", "c", "d"]);
+    let command = format!("{BATCH} -o out --report r.json");
+    f.run(&command).succeeds();
+    let first = tree(&f.path("out"));
+    f.run(&command).succeeds();
+    assert!(statuses(&f.json("r.json")).iter().all(|s| s.1 == "skipped"));
+
+    // A damaged picture, one that is gone, other anchors: these are made anew, and only these.
+    fs::write(f.path("out/a/s.png"), "cut off").unwrap();
+    fs::remove_file(f.path("out/b/s.png")).unwrap();
+    f.anchors("in/c.json", 14, |p| p);
+    f.run(&command).succeeds();
+    let report = f.json("r.json");
+    let all: Vec<String> = ["a", "b", "c", "d"].iter().map(|n| status(&report, n)).collect();
+    assert_eq!(all, ["done", "done", "done", "skipped"]);
+    let second = tree(&f.path("out"));
+    for (name, bytes) in &first {
+        assert_eq!(second[name] == *bytes, !name.starts_with("c/"), "{name}");
+    }
+
+    // Other options or another texture: everything.
+    f.run(&command.replace("--margin 2", "--margin 3")).succeeds();
+    assert_eq!(f.json("r.json")["done"], 4);
+    barymap::io::write_image(&waves(64), f.path("s.png")).unwrap();
+    f.run(&command.replace("--margin 2", "--margin 3")).succeeds();
+    assert_eq!(f.json("r.json")["done"], 4);
+}
+
+#[test]
+fn one_bad_item_does_not_stop_the_others() {
+    let f = targets(&["a", "b", "c", "d", "e", "f"]);
+    f.write("in/a.obj", "v 0 0 0\nv 1 0 0\n");
+    f.write("in/b.json", "{\"source\": [0], \"target\": [99999999]}");
+    fs::remove_file(f.path("in/c.json")).unwrap();
+    let plain: String = f.read("in/d.obj").lines().filter(|l| !l.starts_with("vt")).map(no_texcoords).collect();
+    f.write("in/d.obj", &plain);
+    fs::create_dir_all(f.path("out/e")).unwrap();
+    f.write("out/e/mine.txt", "not a result");
+    let ran = f.run(&format!("{BATCH} -o out --report r.json")).fails(1, &["5 of 6 targets failed", "a, b, c, d, e"]);
+    let report = f.json("r.json");
+    assert_eq!((report["failed"].as_u64(), report["done"].as_u64()), (Some(5), Some(1)));
+    for (name, part) in
+        [("a", "a.obj"), ("b", "99999999"), ("c", "c.json"), ("d", "texture coordinates"), ("e", "something else")]
+    {
+        let item = report["items"].as_array().unwrap().iter().find(|i| i["name"] == name).unwrap();
+        assert_eq!(item["status"], "failed");
+        assert!(item["error"].as_str().unwrap().contains(part), "{item}");
+        assert!(ran.stderr.contains(part), "{}", ran.stderr);
+    }
+    let left: Vec<String> = tree(&f.path("out")).into_keys().collect();
+    assert_eq!(left, ["e/mine.txt", "f/item.json", "f/s.png"], "nothing half-made is left");
+    assert_eq!(f.read("out/e/mine.txt"), "not a result");
+    // The table tells of all of them.
+    assert!(ran.stdout.contains("1 done, 0 skipped, 5 failed"), "{}", ran.stdout);
+}
+
+fn no_texcoords(line: &str) -> String {
+    let words = line.split(' ').map(|w| w.split('/').next().unwrap());
+    words.collect::<Vec<_>>().join(" ") + "\n"
+}
+
+#[test]
+fn lists_name_their_items() {
+    let f = targets(&["a", "b"]);
+    f.write("in/l.csv", "name,target,anchors\nfirst,a.obj,a.json\nsecond,b.obj,b.json\n");
+    f.run(&format!("{} -o out", BATCH.replace("--targets in", "--targets in/l.csv"))).succeeds();
+    assert!(f.path("out/first/s.png").is_file() && f.path("out/second/s.png").is_file());
+    for (targets, part) in [("nowhere", "nowhere"), ("s.png", "s.png"), ("empty", "no target")] {
+        fs::create_dir_all(f.path("empty")).unwrap();
+        f.run(&format!("{} -o other", BATCH.replace("--targets in", &format!("--targets {targets}"))))
+            .fails(1, &[part]);
+    }
+    assert!(!f.path("other").exists());
+    for names in ["--coverage item.json", "--coverage s.png", "--model x/m.glb", "--coverage c.png --model c.png"] {
+        f.run(&format!("{BATCH} -o other {names}")).fails(2, &["folder of each result"]);
+    }
+}
