@@ -343,7 +343,7 @@ impl<'a> Output<'a> {
         for (texture, chain) in self.chains.iter().enumerate() {
             if self.kind == LayerKind::Labels {
                 let texture = texture as u32;
-                nearest_texels(chain.image, texture, channels as usize, &self.texture_of, footprints, colors);
+                nearest_texels(chain, texture, channels as usize, &self.texture_of, footprints, colors);
                 continue;
             }
             let params = SampleParams { filter: options.filter, taps: options.taps, channels, texture: texture as u32 };

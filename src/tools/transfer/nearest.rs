@@ -4,17 +4,19 @@ use rayon::prelude::*;
 
 use super::color::Sample;
 use super::footprint::Footprint;
+use super::mip::MipChain;
 use super::sample::widen;
 use crate::geometry::NONE;
-use crate::raster::{Image, Pixels};
+use crate::raster::Pixels;
 
 /// Texels of one parallel task.
 const TASK: usize = 4096;
 
-/// Looks the texel up that holds the centre of each footprint whose triangle has texture `texture`; the texture repeats. `colors` has
+/// Looks the texel up that holds the centre of each footprint whose triangle has texture `texture`; beyond its borders the picture
+/// repeats, or its border does, as the chain says. `colors` has
 /// `channels` values per footprint; samples come back as they were when they are encoded in their own depth. O(footprints).
 pub(super) fn nearest_texels(
-    image: &Image,
+    chain: &MipChain<'_>,
     texture: u32,
     channels: usize,
     texture_of: &[u32],
@@ -23,13 +25,14 @@ pub(super) fn nearest_texels(
 ) {
     fn run<T: Sample>(
         samples: &[T],
-        image: &Image,
+        chain: &MipChain<'_>,
         texture: u32,
         channels: usize,
         texture_of: &[u32],
         footprints: &[Footprint],
         colors: &mut [f32],
     ) {
+        let (image, repeats) = (chain.image, chain.repeats);
         let (w, h, n) = (image.width as usize, image.height as usize, image.channels as usize);
         let tasks = footprints.par_chunks(TASK).zip(colors.par_chunks_mut(TASK * channels));
         tasks.for_each(|(footprints, colors)| {
@@ -37,8 +40,11 @@ pub(super) fn nearest_texels(
                 if f.face == NONE || texture_of[f.face as usize] != texture {
                     continue;
                 }
-                let column = |x: f32, side: usize| ((x - x.floor()) * side as f32) as usize % side;
-                let at = (column(f.centre[1], h) * w + column(f.centre[0], w)) * n;
+                let place = |x: f32, side: usize| {
+                    let x = if repeats { x - x.floor() } else { x.clamp(0.0, 1.0) };
+                    ((x * side as f32) as usize).min(side - 1)
+                };
+                let at = (place(f.centre[1], h) * w + place(f.centre[0], w)) * n;
                 let mut texel = [0.0; 4];
                 for (t, s) in texel.iter_mut().zip(&samples[at..at + n]) {
                     *t = s.decode(false);
@@ -47,9 +53,30 @@ pub(super) fn nearest_texels(
             }
         });
     }
-    match &image.pixels {
-        Pixels::U8(v) => run(v, image, texture, channels, texture_of, footprints, colors),
-        Pixels::U16(v) => run(v, image, texture, channels, texture_of, footprints, colors),
-        Pixels::F32(v) => run(v, image, texture, channels, texture_of, footprints, colors),
+    match &chain.image.pixels {
+        Pixels::U8(v) => run(v, chain, texture, channels, texture_of, footprints, colors),
+        Pixels::U16(v) => run(v, chain, texture, channels, texture_of, footprints, colors),
+        Pixels::F32(v) => run(v, chain, texture, channels, texture_of, footprints, colors),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::raster::Image;
+    use crate::tools::transfer::Encoding;
+
+    #[test]
+    fn tiles_end_at_their_borders_and_others_repeat() {
+        let image = Image::new(4, 1, 1, Pixels::U8(vec![1, 2, 3, 4])).unwrap();
+        let mut chain = MipChain::new(&image, Encoding::default()).unwrap();
+        let at = |u: f32| Footprint { centre: [u, 0.5], face: 0, ..Footprint::NOWHERE };
+        let footprints = [0.0, 0.49, 0.51, 1.0, 1.3, -0.1].map(at);
+        for (repeats, expected) in [(true, [1, 2, 3, 1, 2, 4]), (false, [1, 2, 3, 4, 4, 1])] {
+            chain.repeats = repeats;
+            let mut found = [0.0; 6];
+            nearest_texels(&chain, 0, 1, &[0], &footprints, &mut found);
+            assert_eq!(found.map(|c| (c * 255.0_f32).round() as u8), expected);
+        }
     }
 }
