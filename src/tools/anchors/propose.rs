@@ -18,6 +18,8 @@ use crate::tools::vertex_map::vertex_map;
 
 /// How far from where the map sends it a patch is looked for, and how much better than the next best its place must be, round by round.
 const ROUNDS: [(f64, f64); 3] = [(0.06, 0.4), (0.05, 0.4), (0.04, 0.5)];
+/// A mirror image disagrees by less than this part of what the surface as it is does.
+const MIRRORED: f64 = 0.7;
 /// Patches that are looked for.
 const SITES: usize = 240;
 /// Pairs nearer to one another add nothing.
@@ -164,7 +166,7 @@ pub(super) fn propose(
         .collect();
     let [from, to] = &couple.sides;
     let images = couple.images(seeds, 0)?;
-    let mirrored = mismatch_of(from, to, &images, -1.0)? < mismatch_of(from, to, &images, 1.0)?;
+    let mirrored = mismatch_of(from, to, &images, -1.0)? < MIRRORED * mismatch_of(from, to, &images, 1.0)?;
     let mut growing = Growing { couple, handedness: if mirrored { -1.0 } else { 1.0 }, pairs };
     let spacing = 1.0 / (options.count as f64).sqrt();
     let target = &couple.sides[1];
