@@ -11,7 +11,7 @@ use clap::ValueEnum;
 use serde_json::json;
 
 use crate::common::{Common, EmbeddingArguments, Session, anchor_pairs, check_outputs, usage};
-use crate::method::{MethodName, prepare};
+use crate::method::{MethodArguments, prepare};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -42,9 +42,8 @@ pub(crate) struct Arguments {
     /// The data on the target's vertices: CSV, NPY or PLY; one for each file
     #[arg(long, short, required = true, num_args = 1..)]
     output: Vec<PathBuf>,
-    /// How points are carried
-    #[arg(long, value_enum, default_value = "field")]
-    method: MethodName,
+    #[command(flatten)]
+    method: MethodArguments,
     #[command(flatten)]
     embedding: EmbeddingArguments,
 }
@@ -133,7 +132,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     given.iter().try_for_each(|a| a.check(&source.mesh))?;
     session.watch.lap("read");
     let anchors = anchor_pairs(&arguments.anchors, &source, &target, &session)?;
-    let method = arguments.method.method();
+    let method = arguments.method;
     let map = prepare(&mut session, &mut source, &mut target, &anchors, method, &arguments.embedding)?;
     let fill = match arguments.fill {
         FillName::Smooth => Fill::Smooth,

@@ -10,7 +10,8 @@ use serde_json::{Value, json};
 
 use crate::batch_record::{self, Record};
 use crate::common::{Common, EmbeddingArguments, Session, Surface, anchor_pairs, usage};
-use crate::method::MethodName;
+use crate::layer_kinds::LayerKinds;
+use crate::method::MethodArguments;
 use crate::transfer::{self, Job, Look, Textures, add, require_texcoords, target_charts};
 use crate::unwrap::Charts;
 
@@ -35,9 +36,10 @@ pub(crate) struct Arguments {
     /// Only the targets I, I + N, I + 2 N ... of all, sorted by name and counted from 1
     #[arg(long, default_value = "1/1", value_parser = shard, value_name = "I/N")]
     shard: Shard,
-    /// How points are carried
-    #[arg(long, value_enum, default_value = "field")]
-    method: MethodName,
+    #[command(flatten)]
+    method: MethodArguments,
+    #[command(flatten)]
+    kinds: LayerKinds,
     /// What the results look like; `--coverage`, `--stmap`, `--model` and `--unwrapped` are names of files in each result's folder
     #[command(flatten)]
     look: Look,
@@ -86,7 +88,8 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let mut session = Session::start(common)?;
     let source = session.mesh(&arguments.source)?;
     require_texcoords(&source)?;
-    let layers = transfer::textures(&arguments.texture, true, &source, &session)?;
+    let mut layers = transfer::textures(&arguments.texture, true, &source, &session)?;
+    arguments.kinds.set(&mut layers)?;
     let names = arguments.names(&layers)?;
     session.watch.lap("read");
     let key = batch_record::source_key(&source.mesh, &layers)
@@ -123,8 +126,8 @@ impl Arguments {
     /// Everything but the content of files that decides on the results.
     fn options(&self) -> String {
         format!(
-            "{:?} {:?} {:?} {:?} {:?} {:?}",
-            self.picture, self.texture, self.method, self.look, self.charts, self.embedding
+            "{:?} {:?} {:?} {:?} {:?} {:?} {:?}",
+            self.picture, self.texture, self.method, self.kinds, self.look, self.charts, self.embedding
         )
     }
 

@@ -14,7 +14,7 @@ use image::RgbaImage;
 use serde_json::json;
 
 use crate::common::{Common, EmbeddingArguments, SamplingName, Session};
-use crate::method::MethodName;
+use crate::method::MethodArguments;
 use crate::transfer::{FillName, FilterName, Job, Look, Textures, summary};
 
 #[derive(Debug, clap::Args)]
@@ -25,9 +25,8 @@ pub(crate) struct Arguments {
     /// Number of anchor pairs
     #[arg(long, default_value_t = 93)]
     anchors: usize,
-    /// How points are carried
-    #[arg(long, value_enum, default_value = "field")]
-    method: MethodName,
+    #[command(flatten)]
+    method: MethodArguments,
     /// Side of the texture
     #[arg(long, default_value_t = 2048)]
     size: u32,

@@ -5,6 +5,7 @@ use barymap::tools::transfer::{LayerKind, NormalY, Relief};
 use clap::ValueEnum;
 
 use crate::common::usage;
+use crate::transfer::Textures;
 
 /// Meanings of the layers.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -56,8 +57,16 @@ enum ReliefName {
 }
 
 impl LayerKinds {
+    /// Gives layers their kinds.
+    pub(crate) fn set(&self, layers: &mut [Textures]) -> Result<()> {
+        let roles: Vec<&str> = layers.iter().map(|l| l.role.as_str()).collect();
+        let kinds = self.of(&roles)?;
+        layers.iter_mut().zip(kinds).for_each(|(layer, kind)| layer.kind = kind);
+        Ok(())
+    }
+
     /// The kinds of layers with these roles.
-    pub(crate) fn of(&self, roles: &[&str]) -> Result<Vec<LayerKind>> {
+    fn of(&self, roles: &[&str]) -> Result<Vec<LayerKind>> {
         let count = roles.len();
         if self.kind.len() > count {
             return Err(usage(

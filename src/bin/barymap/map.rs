@@ -12,7 +12,7 @@ use barymap::tools::vertex_map::vertex_map;
 use serde_json::json;
 
 use crate::common::{Common, EmbeddingArguments, Session, anchor_pairs, check_outputs};
-use crate::method::{MethodName, prepare};
+use crate::method::{MethodArguments, prepare};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -31,9 +31,8 @@ pub(crate) struct Arguments {
     /// Points of the target instead of its vertices: CSV with the header face,b0,b1,b2
     #[arg(long)]
     points: Option<PathBuf>,
-    /// How points are carried
-    #[arg(long, value_enum, default_value = "field")]
-    method: MethodName,
+    #[command(flatten)]
+    method: MethodArguments,
     /// The inverse: for every vertex of the source the point of the target that goes there; its own residual counts against it
     #[arg(long, conflicts_with = "points")]
     inverse: bool,
@@ -49,7 +48,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let mut session = Session::start(common)?;
     let (mut source, mut target) = (session.mesh(&arguments.source)?, session.mesh(&arguments.target)?);
     let anchors = anchor_pairs(&arguments.anchors, &source, &target, &session)?;
-    let method = arguments.method.method();
+    let method = arguments.method;
     let points = arguments.points.as_ref().map(|p| barymap::io::points::read_points(p, &target.mesh)).transpose()?;
     let map = prepare(&mut session, &mut source, &mut target, &anchors, method, &arguments.embedding)?;
     let vertices = vertex_map((&source.mesh, &source.topology), (&target.mesh, &target.topology), map.as_ref())?;

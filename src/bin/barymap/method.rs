@@ -6,11 +6,11 @@ use barymap::surface::gpu::correspondence_on;
 use barymap::surface::{AnchorPairs, PointMap};
 use clap::ValueEnum;
 
-use crate::common::{EmbeddingArguments, Session, Surface};
+use crate::common::{EmbeddingArguments, Session, Surface, usage};
 
 /// Names of the methods.
 #[derive(Clone, Copy, Debug, ValueEnum)]
-pub(crate) enum MethodName {
+enum MethodName {
     /// The paper: inverse problem on the target, forward problem on the source
     Averages,
     /// The paper with the residual carried over
@@ -23,15 +23,52 @@ pub(crate) enum MethodName {
     Closest,
 }
 
-impl MethodName {
+/// How points are carried.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub(crate) struct MethodArguments {
+    /// How points are carried
+    #[arg(long, value_enum, default_value = "field")]
+    method: MethodName,
+    /// Whether images are drawn onto the source by a smooth relaxation: yes for `field`, no for `rbf` unless asked for
+    #[arg(long, value_name = "yes|no", num_args = 0..=1, default_missing_value = "yes", value_parser = yes_or_no)]
+    relax: Option<bool>,
+}
+
+fn yes_or_no(text: &str) -> std::result::Result<bool, String> {
+    match text {
+        "yes" => Ok(true),
+        "no" => Ok(false),
+        other => Err(format!("'{other}' is neither yes nor no")),
+    }
+}
+
+impl MethodArguments {
     pub(crate) fn method(self) -> Method {
-        match self {
-            Self::Averages => Method::Averages,
-            Self::Transport => Method::Transport,
-            Self::Field => Method::Field,
-            Self::Rbf => Method::Rbf,
-            Self::Closest => Method::Closest,
+        match self.method {
+            MethodName::Averages => Method::Averages,
+            MethodName::Transport => Method::Transport,
+            MethodName::Field => Method::Field,
+            MethodName::Rbf => Method::Rbf,
+            MethodName::Closest => Method::Closest,
         }
+    }
+
+    /// The name in reports and messages.
+    pub(crate) fn name(self) -> &'static str {
+        match (self.method(), self.relax) {
+            (Method::Rbf, Some(true)) => "rbf, relaxed",
+            (Method::Field, Some(false)) => "field, not relaxed",
+            (method, _) => method.name(),
+        }
+    }
+
+    fn options(self) -> Result<CorrespondenceOptions> {
+        let method = self.method();
+        if self.relax.is_some() && !matches!(method, Method::Field | Method::Rbf) {
+            let what = format!("the method {} has nothing to relax", method.name());
+            return Err(usage("--relax", &what, "Use it with --method field or rbf"));
+        }
+        Ok(CorrespondenceOptions { method, relax: self.relax, ..CorrespondenceOptions::default() })
     }
 }
 
@@ -41,16 +78,16 @@ pub(crate) fn prepare(
     source: &mut Surface,
     target: &mut Surface,
     anchors: &AnchorPairs,
-    method: Method,
+    method: MethodArguments,
     embedding: &EmbeddingArguments,
 ) -> Result<Box<dyn PointMap + Send>> {
-    if method.needs_embedding() {
+    let correspondence = method.options()?;
+    if correspondence.method.needs_embedding() {
         let options = embedding.options();
         session.embed(source, &options)?;
         session.embed(target, &options)?;
     }
-    let options = CorrespondenceOptions { method, ..CorrespondenceOptions::default() };
-    let (map, note) = correspondence_on(&session.engine, source.shape(), target.shape(), anchors, &options)?;
+    let (map, note) = correspondence_on(&session.engine, source.shape(), target.shape(), anchors, &correspondence)?;
     if let Some(note) = note {
         session.warn(&note);
     }

@@ -18,7 +18,7 @@ use serde_json::json;
 
 use crate::common::{Common, EmbeddingArguments, Session, Surface, anchor_pairs, check_outputs, size, usage};
 use crate::layer_kinds::LayerKinds;
-use crate::method::{MethodName, prepare};
+use crate::method::{MethodArguments, prepare};
 use crate::unwrap::{Charts, Shown};
 use model::{Skin, SourceLook};
 use pictures::{Names, Writer};
@@ -44,9 +44,8 @@ pub(crate) struct Arguments {
     /// name one file a tile of the target, with <MATERIAL> one a material
     #[arg(long, short, required_unless_present = "model")]
     output: Vec<String>,
-    /// How points are carried
-    #[arg(long, value_enum, default_value = "field")]
-    method: MethodName,
+    #[command(flatten)]
+    method: MethodArguments,
     #[command(flatten)]
     kinds: LayerKinds,
     #[command(flatten)]
@@ -178,9 +177,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let all_roles = arguments.output.is_empty() || arguments.output.iter().any(|o| TextureName::new(o).has_role());
     let mut layers = textures(&arguments.texture, all_roles, &source, &session)?;
     let outputs = layer_names(&arguments.output, &layers)?;
-    let roles: Vec<&str> = layers.iter().map(|l| l.role.as_str()).collect();
-    let kinds = arguments.kinds.of(&roles)?;
-    layers.iter_mut().zip(kinds).for_each(|(layer, kind)| layer.kind = kind);
+    arguments.kinds.set(&mut layers)?;
     session.watch.lap("read");
     let anchors = anchor_pairs(&arguments.anchors, &source, &target, &session)?;
     require_texcoords(&source)?;
@@ -241,7 +238,7 @@ pub(crate) fn add(report: &mut serde_json::Value, extra: &serde_json::Value) {
 pub(crate) struct Job<'a> {
     pub(crate) layers: &'a [Textures],
     pub(crate) anchors: &'a AnchorPairs,
-    pub(crate) method: MethodName,
+    pub(crate) method: MethodArguments,
     pub(crate) embedding: &'a EmbeddingArguments,
     pub(crate) look: &'a Look,
     /// A name for each layer, or none at all.
@@ -267,7 +264,7 @@ impl Job<'_> {
         let roles: Vec<&str> = self.layers.iter().map(|l| l.role.as_str()).collect();
         let parts = names.parts(&target.mesh, session)?;
         names.check(&parts, &roles, &target.mesh)?;
-        let method = self.method.method();
+        let method = self.method;
         let map: Box<dyn PointMap + Send> = if IdentityMap::fits(&source.mesh, &target.mesh, self.anchors) {
             session.warn("source and target are the same surface with the same anchors: every point stays where it is");
             Box::new(IdentityMap)
