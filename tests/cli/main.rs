@@ -8,6 +8,7 @@ mod deform;
 mod faults;
 mod kinds;
 mod machine;
+mod map;
 mod morph;
 mod pairs;
 mod steps;

@@ -6,6 +6,7 @@ mod anchors;
 mod common;
 mod embedding;
 mod encoding;
+mod field;
 mod io;
 mod models;
 mod plane;

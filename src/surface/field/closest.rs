@@ -246,11 +246,13 @@ mod tests {
             // A walk comes to the same from nearby.
             assert_eq!(here.near((&z, &FLAT), here.vertex(&found)), Some(found));
             assert_eq!(here.near((&z, &FLAT), NONE), Some(found));
-            // So does crossing borders, from any triangle around it.
+            // Crossing borders never leads away, and from there to itself.
             for &t in surface.fan(here.vertex(&found)) {
                 let again = here.follow((&z, &FLAT), t).unwrap();
-                assert!((again.distance_squared - found.distance_squared).abs() < 1e-12);
+                assert!(again.distance_squared <= here.on_triangle((&z, &FLAT), t).distance_squared);
+                assert!(again.distance_squared >= found.distance_squared - 1e-9);
             }
+            assert_eq!(here.follow((&z, &FLAT), found.face), Some(found));
         }
         assert!(here.find(&[f64::NAN; 4]).is_none() && here.follow((&[f64::NAN; 4], &FLAT), 0).is_none());
     }

@@ -1,0 +1,97 @@
+//! `barymap map`: the inverse, there and back, and what is relaxed.
+
+use crate::support::Folder;
+
+const MAP: &str = "map --backend cpu --source s.obj --target t.obj --anchors a.json --report r.json -o m.csv";
+
+fn spheres() -> Folder {
+    let f = Folder::spheres();
+    f.anchors("a.json", 40, |p| p);
+    f
+}
+
+#[test]
+fn the_inverse_lists_the_source_and_its_residual() {
+    let f = spheres();
+    f.run(&format!("{MAP} --inverse")).succeeds();
+    let vertices = f.read("s.obj").lines().filter(|l| l.starts_with("v ")).count();
+    let table = f.read("m.csv");
+    assert_eq!(table.lines().count(), vertices + 1);
+    let report = f.json("r.json");
+    assert!(report["residual"]["p95"].as_f64().unwrap() < 1e-3, "{}", report["residual"]);
+    // Sent on by the map itself, a pre-image is where it began.
+    let mut rows = String::from("face,b0,b1,b2\n");
+    let mut wanted = Vec::new();
+    for (v, line) in table.lines().skip(1).enumerate() {
+        let cells: Vec<&str> = line.split(',').collect();
+        if cells[8] == "valid" {
+            rows += &format!("{},{},{},{}\n", cells[1], cells[2], cells[3], cells[4]);
+            wanted.push(v);
+        }
+    }
+    assert!(wanted.len() * 10 > vertices * 8, "{} of {vertices}", wanted.len());
+    f.write("p.csv", &rows);
+    f.run(&format!("{MAP} --points p.csv")).succeeds();
+    let places: Vec<[f64; 3]> = f
+        .read("s.obj")
+        .lines()
+        .filter_map(|l| l.strip_prefix("v "))
+        .map(|l| {
+            let n: Vec<f64> = l.split_whitespace().map(|x| x.parse().unwrap()).collect();
+            [n[0], n[1], n[2]]
+        })
+        .collect();
+    for (line, v) in f.read("m.csv").lines().skip(1).zip(wanted) {
+        let cells: Vec<f64> = line.split(',').skip(5).take(3).map(|x| x.parse().unwrap()).collect();
+        let off = (0..3).map(|k| (cells[k] - places[v][k]).powi(2)).sum::<f64>().sqrt();
+        assert!(off < 1e-2, "vertex {v}: {off}");
+    }
+    f.run(&format!("{MAP} --inverse --points p.csv")).fails(2, &["--points"]);
+}
+
+#[test]
+fn there_and_back_is_reported() {
+    let f = spheres();
+    f.run(&format!("{MAP} --cycle")).succeeds();
+    let near = f.json("r.json")["cycle"]["mean"].as_f64().unwrap();
+    assert!(near < 0.01, "{near}");
+    assert!(f.json("r.json")["cycle"]["returned"].as_f64().unwrap() > 0.99);
+    f.run(MAP).succeeds();
+    assert!(f.json("r.json").get("cycle").is_none());
+    // A pair that contradicts the others tears the two maps apart.
+    let mut pairs = f.json("a.json");
+    let list = pairs["source"].as_array_mut().unwrap();
+    list.swap(1, 20);
+    list.swap(5, 30);
+    f.write("a.json", &pairs.to_string());
+    f.run(&format!("{MAP} --cycle")).succeeds();
+    let torn = f.json("r.json")["cycle"]["mean"].as_f64().unwrap();
+    assert!(torn > 2.0 * near, "{torn} {near}");
+}
+
+#[test]
+fn what_is_relaxed_is_a_choice_where_there_is_one() {
+    let f = spheres();
+    let table = |options: &str| {
+        f.run(&format!("{MAP} {options}")).succeeds();
+        (f.read("m.csv"), f.json("r.json")["method"].as_str().unwrap().to_owned())
+    };
+    let (default, named) = (table(""), table("--method field --relax yes"));
+    assert_eq!(default, named.clone());
+    assert_eq!(named.1, "field");
+    let (plain, relaxed) = (table("--method rbf"), table("--method rbf --relax"));
+    assert!(plain.0 != relaxed.0 && relaxed.1 == "rbf, relaxed");
+    assert_ne!(table("--method field --relax no").0, default.0);
+    f.run(&format!("{MAP} --method transport --relax")).fails(2, &["--relax", "transport"]);
+    f.run(&format!("{MAP} --relax maybe")).fails(2, &["maybe"]);
+}
+
+#[test]
+fn every_dimension_of_the_embedding_has_its_field() {
+    let f = spheres();
+    for dimension in [4, 8, 12, 16] {
+        f.run(&format!("{MAP} --dimension {dimension} --landmarks 150")).succeeds();
+        assert_eq!(f.json("r.json")["method"], "field");
+    }
+    f.run(&format!("{MAP} --dimension 5")).fails(2, &["dimension"]);
+}
