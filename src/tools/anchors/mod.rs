@@ -7,7 +7,6 @@
 
 mod extremities;
 mod outliers;
-mod patches;
 mod propose;
 mod register;
 mod seedless;

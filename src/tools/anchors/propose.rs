@@ -1,36 +1,21 @@
-//! Rounds of proposals: patches looked for around where the map sends them, then registrations by relief, then a choice.
+//! Proposals: the map by the pairs there are, registered by relief in both directions, and a choice of places where that is reliable.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::outliers::{Outlier, outliers};
-use super::patches;
 use super::register::{Hold, Registration, mismatch_of, register};
 use super::side::Side;
 use super::{AnchorOptions, Origin, Proposal, Proposed};
 use crate::error::Result;
-use crate::geometry::sampling::farthest_points;
 use crate::geometry::{Geodesics, March, SurfacePoint};
 use crate::progress::Progress;
 use crate::surface::AnchorPairs;
 use crate::surface::correspondence::{CorrespondenceOptions, Method, Shape, correspondence};
 use crate::tools::vertex_map::vertex_map;
 
-/// How far from where the map sends it a patch is looked for, and how much better than the next best its place must be, round by round.
-const ROUNDS: [(f64, f64); 3] = [(0.06, 0.4), (0.05, 0.4), (0.04, 0.5)];
 /// A mirror image disagrees by less than this part of what the surface as it is does.
 const MIRRORED: f64 = 0.7;
-/// Patches that are looked for.
-const SITES: usize = 240;
-/// Pairs nearer to one another add nothing.
-const CROWDED: f64 = 0.01;
-/// Neighbours a patch is compared with, and how differently from their median it may move.
-const NEIGHBOURS: usize = 6;
-const ODD: f64 = 0.02;
-/// Expected error of a patch with a rival as good.
-const EXPECTED: f64 = 0.02;
-/// Registrations, each from the map by what the one before it placed.
-const PLACINGS: usize = 3;
 /// Places that mismatch and slope of the relief leave more uncertain are passed over, at unit area.
 const SIGMA: f64 = 0.05;
 /// Places that the two registrations do not bring back as near are passed over.
@@ -98,46 +83,7 @@ impl Growing<'_, '_> {
         }
     }
 
-    /// Whether a point of surface `side` lies within `distance` of a pair.
-    fn crowded(&self, side: usize, p: DVec3, distance: f64) -> bool {
-        let s = &self.couple.sides[side];
-        self.pairs.iter().any(|q| s.position(if side == 0 { &q.source } else { &q.target }).distance(p) < distance)
-    }
-
-    /// Looks for the patches around the vertices `sites` on the source, and replaces all but the first `given` pairs by what is found.
-    fn find_patches(&mut self, sites: &[u32], given: usize, reach: f64, ratio: f64) -> Result<()> {
-        let [source, target] = &self.couple.sides;
-        let images = self.couple.images(&self.anchors(), 0)?;
-        let mut found = patches::find(source, target, &images, sites, reach, self.handedness)?;
-        found.retain(|f| f.ratio <= ratio);
-        // A patch moves as those around it do.
-        let moves: Vec<(DVec3, DVec3)> = found
-            .iter()
-            .map(|f| {
-                let from = images[f.vertex as usize].map_or(DVec3::ZERO, |p| source.position(&p));
-                (target.positions[f.vertex as usize], source.position(&f.place) - from)
-            })
-            .collect();
-        let mut odd = lonely(&moves);
-        odd.resize(found.len(), false);
-        self.pairs.truncate(given);
-        for (f, odd) in found.iter().zip(odd) {
-            let Some(point) = target.topology.vertex_point(f.vertex).filter(|_| !odd) else { continue };
-            let apart = |side: usize, p: DVec3| !self.crowded(side, p, CROWDED);
-            if apart(0, source.position(&f.place)) && apart(1, target.positions[f.vertex as usize]) {
-                self.pairs.push(Proposed {
-                    source: f.place,
-                    target: point,
-                    origin: Origin::Relief,
-                    expected_error: EXPECTED * f.ratio,
-                    flagged: None,
-                });
-            }
-        }
-        Ok(())
-    }
-
-    /// Takes out patches that the others contradict.
+    /// Takes out proposals that the others contradict.
     fn drop_contradicted(&mut self, given: usize) -> Result<()> {
         let [s, t] = self.couple.shapes;
         let wrong: Vec<Outlier> = outliers(s, t, &self.anchors())?;
@@ -169,30 +115,18 @@ pub(super) fn propose(
     let mirrored = mismatch_of(from, to, &images, -1.0)? < MIRRORED * mismatch_of(from, to, &images, 1.0)?;
     let mut growing = Growing { couple, handedness: if mirrored { -1.0 } else { 1.0 }, pairs };
     let spacing = 1.0 / (options.count as f64).sqrt();
-    let target = &couple.sides[1];
-    let sites = sites(target);
-    progress.stage("proposing anchors", (ROUNDS.len() + 1 + 2 * PLACINGS) as u64);
-    for (reach, ratio) in ROUNDS {
-        growing.find_patches(&sites, given, reach, ratio)?;
-        progress.advance(1);
-    }
-    growing.drop_contradicted(given)?;
-    progress.advance(1);
-    // Patches were stepping stones; the places themselves come from the registrations.
+    progress.stage("proposing anchors", 3);
     if given < options.count {
-        for _ in 0..PLACINGS {
-            let now = growing.anchors();
-            let mut both = Vec::new();
-            for to in 0..2 {
-                let start = couple.images(&now, to)?;
-                let (a, b) = (&couple.sides[to], &couple.sides[1 - to]);
-                both.push(register(a, b, &start, &couple.holds(seeds, to), growing.handedness)?);
-                progress.advance(1);
-            }
-            growing.pairs.truncate(given);
-            place(&mut growing, &both[0], &Reliability::new(couple, &both), options, spacing);
+        let mut both = Vec::new();
+        for to in 0..2 {
+            let start = if to == 0 { images.clone() } else { couple.images(seeds, to)? };
+            let (a, b) = (&couple.sides[to], &couple.sides[1 - to]);
+            both.push(register(a, b, &start, &couple.holds(seeds, to), growing.handedness)?);
+            progress.advance(1);
         }
+        place(&mut growing, &both[0], &Reliability::new(couple, &both), options, spacing);
         growing.drop_contradicted(given)?;
+        progress.advance(1);
     }
     let mut pairs = growing.pairs;
     for p in pairs.iter_mut().skip(given).filter(|p| p.expected_error > DOUBTFUL) {
@@ -210,50 +144,6 @@ pub(super) fn propose(
         notes.push("one surface is the mirror image of the other".to_owned());
     }
     Ok(Proposal { pairs, given, notes, ambiguity: None })
-}
-
-/// Vertices spread over all components, by area.
-fn sites(side: &Side<'_>) -> Vec<u32> {
-    let geodesics = Geodesics::new(&side.positions, &side.triangles);
-    let count = side.topology.component_count as usize;
-    let mut area = vec![0.0; count];
-    let component = |v: usize| side.topology.vertex_component[v] as usize;
-    let used: Vec<usize> = (0..side.positions.len()).filter(|&v| component(v) < count).collect();
-    for &v in &used {
-        area[component(v)] += side.laplacian.mass[v];
-    }
-    let total: f64 = area.iter().sum();
-    let mut out = Vec::new();
-    for c in 0..count {
-        let share = (SITES as f64 * area[c] / total).round() as usize;
-        if let Some(seed) = used.iter().find(|&&v| component(v) == c) {
-            out.extend(farthest_points(&geodesics, *seed as u32, share.min(SITES)));
-        }
-    }
-    out
-}
-
-/// Which of the moves (place, displacement) differ from the median of those nearest to them.
-fn lonely(moves: &[(DVec3, DVec3)]) -> Vec<bool> {
-    moves
-        .iter()
-        .enumerate()
-        .map(|(i, (at, by))| {
-            let mut near: Vec<(f64, usize)> =
-                (0..moves.len()).filter(|&j| j != i).map(|j| (moves[j].0.distance(*at), j)).collect();
-            near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            near.truncate(NEIGHBOURS);
-            if near.len() < 3 {
-                return false;
-            }
-            let median = DVec3::from_array(std::array::from_fn(|k| {
-                let mut x: Vec<f64> = near.iter().map(|n| moves[n.1].1[k]).collect();
-                x.sort_by(f64::total_cmp);
-                x[x.len() / 2]
-            }));
-            by.distance(median) > ODD
-        })
-        .collect()
 }
 
 /// What speaks for the images of a registration at each vertex of the target.

@@ -244,43 +244,6 @@ pub(super) fn register(
     Ok(out)
 }
 
-/// What the relief of the target would look like at its images, and what each channel counts.
-pub(super) struct Evidence {
-    pub(super) wanted: Vec<Relief>,
-    pub(super) weight: [f64; CHANNELS],
-    /// Mean disagreement under the map.
-    pub(super) usual: f64,
-}
-
-impl Evidence {
-    pub(super) fn new(
-        source: &Side<'_>,
-        target: &Side<'_>,
-        images: &[Option<SurfacePoint>],
-        handedness: f64,
-    ) -> Result<Self> {
-        let places: Vec<DVec3> =
-            images.iter().map(|p| p.as_ref().map_or(DVec3::ZERO, |p| source.position(p))).collect();
-        let frames = frames(target, &places, handedness)?;
-        let mass = &target.laplacian.mass;
-        let total: f64 = mass.iter().sum();
-        let wanted: Vec<Relief> = frames.iter().zip(&target.relief).map(|(f, r)| r.map(|r| *f * r)).collect();
-        let mut weight = [0.0; CHANNELS];
-        let mut usual = 0.0;
-        for c in 0..CHANNELS {
-            let (mut off, mut size) = (0.0, 0.0);
-            for v in 0..images.len() {
-                let Some(p) = &images[v] else { continue };
-                off += mass[v] * (wanted[v][c] - relief_at(source, p)[c]).length_squared();
-                size += mass[v] * wanted[v][c].length_squared();
-            }
-            weight[c] = COUNTS[c] * total / (off + FLOOR * size + 1e-12);
-            usual += weight[c] * off / total;
-        }
-        Ok(Self { wanted, weight, usual })
-    }
-}
-
 /// How much the relief of two surfaces disagrees under a map of all vertices of the target, from 0 (congruent) to about 2, a mean over the area; turns of the surface in space do not
 /// count; `handedness` is -1 where reflections do not count either, and turns do.
 pub(super) fn mismatch_of(

@@ -78,12 +78,6 @@ impl<'a> Side<'a> {
         (0..3).map(|k| p.barycentric[k] * self.positions[t[k] as usize]).sum()
     }
 
-    /// The interpolated normal.
-    pub(super) fn normal(&self, p: &SurfacePoint) -> DVec3 {
-        let t = self.topology.triangles[p.face as usize];
-        (0..3).map(|k| p.barycentric[k] * self.normals[t[k] as usize]).sum::<DVec3>().normalize_or_zero()
-    }
-
     /// The closest point of the surface near `from`: downhill from triangle to triangle, so that it stays on the same part.
     pub(super) fn closest_near(&self, to: DVec3, from: SurfacePoint) -> SurfacePoint {
         let on = |face: u32| {

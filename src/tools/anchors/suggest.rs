@@ -43,7 +43,9 @@ pub fn suggest(source: Shape<'_>, target: Shape<'_>, pairs: &AnchorPairs, count:
         .map(|v| {
             let image = &there.images[v];
             let Some(p) = image.point() else { return LARGEST };
-            let drift = half * (1.0 / f64::from(image.confidence).max(1e-9) - 1.0).max(0.0).sqrt();
+            // No confidence at all says that a triangle is turned over, or that there are too few anchors, not by how much the image is off.
+            let confidence = f64::from(image.confidence);
+            let drift = if confidence > 0.0 { half * (1.0 / confidence - 1.0).max(0.0).sqrt() } else { 0.0 };
             let corners = source.topology.triangles[p.face as usize];
             let cycle = (0..3)
                 .map(|k| back.positions[corners[k] as usize].map(|q| p.barycentric[k] * q))
