@@ -196,7 +196,11 @@ fn gram<const K: usize>([a, b, c]: &[Vector<f64, K>; 3]) -> [f64; 6] {
 /// The point of a triangle closest to another, from the scalar products of its edges and of the way there from its first corner: inside, else the best of its three sides.
 fn closest(face: u32, [bb, bc, cc, db, dc, dd]: [f64; 6]) -> Closest {
     // |p - z|^2 at barycentric coordinates (1 - v - w, v, w).
-    let squared = |v: f64, w: f64| (dd + v * (v * bb + 2.0 * w * bc - 2.0 * db) + w * (w * cc - 2.0 * dc)).max(0.0);
+    let squared = |v: f64, w: f64| {
+        let d = dd + v * (v * bb + 2.0 * w * bc - 2.0 * db) + w * (w * cc - 2.0 * dc);
+        // Rounding, but not what is not a number.
+        if d < 0.0 { 0.0 } else { d }
+    };
     let determinant = bb * cc - bc * bc;
     if determinant > 1e-20 * bb * cc {
         let (v, w) = ((cc * db - bc * dc) / determinant, (bb * dc - bc * db) / determinant);
