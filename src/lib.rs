@@ -18,12 +18,15 @@
 //! let (source, target) = (uv_sphere(1.0, 24, 16), uv_sphere(2.0, 20, 12));
 //! let (around_source, around_target) = (Topology::new(&source), Topology::new(&target));
 //!
-//! // Corresponding points: the poles, and four vertices of the equator.
-//! let on_source = [0, 361, 169, 175, 181, 187].map(|v| vertex_point(&source, &around_source, v, "anchor"));
-//! let on_target = [0, 221, 101, 106, 111, 116].map(|v| vertex_point(&target, &around_target, v, "anchor"));
+//! // Corresponding points: the poles, and four meridians at three latitudes.
+//! let net = |pole: u32, rows: [u32; 3], step: u32| -> Vec<u32> {
+//!     [0, pole].into_iter().chain(rows.into_iter().flat_map(|r| (0..4).map(move |k| r + k * step))).collect()
+//! };
+//! let on_source = net(361, [73, 169, 265], 6).into_iter().map(|v| vertex_point(&source, &around_source, v, "anchor"));
+//! let on_target = net(221, [41, 101, 161], 5).into_iter().map(|v| vertex_point(&target, &around_target, v, "anchor"));
 //! let anchors = AnchorPairs {
-//!     source: on_source.into_iter().collect::<barymap::Result<_>>()?,
-//!     target: on_target.into_iter().collect::<barymap::Result<_>>()?,
+//!     source: on_source.collect::<barymap::Result<_>>()?,
+//!     target: on_target.collect::<barymap::Result<_>>()?,
 //! };
 //!
 //! // Distances along the surface become distances in eight dimensions: made once per mesh.

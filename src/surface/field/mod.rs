@@ -98,7 +98,7 @@ pub struct Field<S: Real, const K: usize> {
     turned: Vec<usize>,
     /// What the relaxation compared beside places; none without it.
     relief: Option<Relief>,
-    /// Mean edge of the source in R^K over the square root of its area.
+    /// Mean edge of the source, along the surface, over the square root of its area.
     unit: f64,
     trust: Trust,
     report: FieldReport,
@@ -198,6 +198,8 @@ impl<S: Real, const K: usize> Field<S, K> {
             unit: lambda,
         };
         let mut field = Self::drawn(shapes, predicted, anchors, options.relax)?;
+        // A step along the surface is this much longer in both spaces together, and so is what a projection is off by.
+        field.unit /= (1.0 + lambda * lambda).sqrt();
 
         // What anchors left out would have missed, on the surface.
         let closest = ClosestOnSurface::new(&field.reference, &field.vertices);
