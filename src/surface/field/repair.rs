@@ -11,7 +11,7 @@ use crate::surface::PhongSurface;
 use crate::surface::quality::{normal_at, vertex_normals};
 use crate::surface::vector::{Vector, add_scaled, scaled};
 
-/// Rings around turned triangles that may move, at most: with eight, one patch in a hundred came out much worse than its two triangles deserved.
+/// Rings around turned triangles that may move, at most. Larger patches turn hardly a triangle more back and can lose what their vertices know.
 const RINGS: usize = 3;
 /// Sweeps of averages over a patch: enough for a disk of [`RINGS`] rings.
 const SWEEPS: usize = 20;
