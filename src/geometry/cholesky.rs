@@ -7,8 +7,12 @@ use faer::linalg::cholesky::llt::factor::LltRegularization;
 use faer::sparse::linalg::cholesky::{LltRef, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
 use faer::{Conj, Mat, Par, Side};
+use rayon::prelude::*;
 
 use crate::error::{Error, Result};
+
+/// Columns solved for together: fewer read the factor too often, more leave threads idle where there are few.
+const COLUMNS: usize = 6;
 
 /// The places of the entries of a symmetric matrix, analysed once for any number of factorisations.
 #[derive(Clone, Debug)]
@@ -80,16 +84,18 @@ impl SparseCholesky {
         SparsePattern::new(what, starts, rows)?.factorise(&values)
     }
 
-    /// Replaces the columns of `x` by the solutions.
+    /// Replaces the columns of `x` by the solutions, several columns at a time on every thread; the number of threads does not change the result.
     ///
     /// # Errors
     /// [`Error::Numeric`] if there is not enough memory.
     pub(crate) fn solve(&self, x: &mut Mat<f64>) -> Result<()> {
-        let request = self.symbolic.solve_in_place_scratch::<f64>(x.ncols(), Par::Seq);
-        let mut scratch = MemBuffer::try_new(request).map_err(|_| failed(self.what, "out of memory"))?;
         let llt = LltRef::new(&self.symbolic, &self.values);
-        llt.solve_in_place_with_conj(Conj::No, x.as_mut(), Par::Seq, MemStack::new(&mut scratch));
-        Ok(())
+        x.as_mut().par_col_chunks_mut(COLUMNS).try_for_each(|columns| {
+            let request = self.symbolic.solve_in_place_scratch::<f64>(columns.ncols(), Par::Seq);
+            let mut scratch = MemBuffer::try_new(request).map_err(|_| failed(self.what, "out of memory"))?;
+            llt.solve_in_place_with_conj(Conj::No, columns, Par::Seq, MemStack::new(&mut scratch));
+            Ok(())
+        })
     }
 }
 

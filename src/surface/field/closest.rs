@@ -1,5 +1,7 @@
 //! The closest point of a surface in R^K, by the vertices nearby; with normals as four more coordinates where they count.
 
+use rayon::prelude::*;
+
 use crate::geometry::NONE;
 use crate::surface::project::SearchLimits;
 use crate::surface::vector::{Vector, combine, distance_squared, dot, sub};
@@ -30,16 +32,25 @@ pub(super) struct ClosestOnSurface<'a, const K: usize> {
     vertices: &'a NearestVertex<K>,
     /// Of each vertex; empty where they do not count.
     normals: &'a [Normal],
+    /// Of each triangle the scalar products 00, 01, 11 of its two edges from the first corner, normals included; empty as they are.
+    edges: Vec<[f64; 3]>,
 }
 
 impl<'a, const K: usize> ClosestOnSurface<'a, K> {
     pub(super) fn new(surface: &'a PhongSurface<f64, K>, vertices: &'a NearestVertex<K>) -> Self {
-        Self { surface, vertices, normals: &[] }
+        Self { surface, vertices, normals: &[], edges: Vec::new() }
     }
 
-    /// The same, with normals of the vertices.
+    /// The same, with normals of the vertices. O(F K).
     pub(super) fn with_normals(&self, normals: &'a [Normal]) -> Self {
-        Self { normals, ..*self }
+        let edges = |v: [u32; 3]| {
+            let [a, b, c] = v.map(|v| &self.surface.vertices[v as usize].y);
+            let [l, m, n] = v.map(|v| &normals[v as usize]);
+            let (e, f) = ((sub(b, a), sub(m, l)), (sub(c, a), sub(n, l)));
+            [dot(&e.0, &e.0) + dot(&e.1, &e.1), dot(&e.0, &f.0) + dot(&e.1, &f.1), dot(&f.0, &f.0) + dot(&f.1, &f.1)]
+        };
+        let edges = self.surface.triangles.par_iter().map(|t| edges(t.v)).collect();
+        Self { surface: self.surface, vertices: self.vertices, normals, edges }
     }
 
     /// The closest point of the triangles around the nearest vertex, then around the corners of the triangle found, until none is closer; the lowest triangle on ties. A
@@ -52,7 +63,7 @@ impl<'a, const K: usize> ClosestOnSurface<'a, K> {
     /// The same from the vertex that a walk from `start` comes to, several times as fast: the closest point of the same part of the surface, for points that have moved little. An unknown
     /// start (`NONE`) is the nearest vertex, normals aside.
     pub(super) fn near(&self, place: Place<'_, K>, start: u32) -> Option<Closest> {
-        if !place.0.iter().chain(place.1).all(|x| x.is_finite()) {
+        if !finite(place) {
             return None;
         }
         let start = if start == NONE { self.vertices.find(place.0) } else { start };
@@ -67,7 +78,15 @@ impl<'a, const K: usize> ClosestOnSurface<'a, K> {
 
     /// The closer of what is [`Self::near`] the vertex `start` and near the one that `index` gives.
     pub(super) fn near_or_facing(&self, place: Place<'_, K>, start: u32, index: &NearestVertex<8>) -> Option<Closest> {
-        let (a, b) = (self.near(place, start)?, self.near(place, index.find(&facing(place.0, place.1)))?);
+        if start == NONE || !finite(place) {
+            return self.near(place, start);
+        }
+        let starts = [start, index.find(&facing(place.0, place.1))].map(|v| self.walk(place, v));
+        let a = self.around(place, starts[0])?;
+        if starts[1] == starts[0] {
+            return Some(a);
+        }
+        let b = self.around(place, starts[1])?;
         Some(if (b.distance_squared, b.face) < (a.distance_squared, a.face) { b } else { a })
     }
 
@@ -146,14 +165,18 @@ impl<'a, const K: usize> ClosestOnSurface<'a, K> {
             return None;
         }
         let mut best = self.closer(place, v, None);
+        // The corners of the last triangle have been looked around, too.
+        let mut seen = [v; 3];
         loop {
             let found = best?;
-            for v in self.surface.triangles[found.face as usize].v {
+            let corners = self.surface.triangles[found.face as usize].v;
+            for v in corners.into_iter().filter(|v| !seen.contains(v)) {
                 best = self.closer(place, v, best);
             }
             if best == Some(found) {
                 return best;
             }
+            seen = corners;
         }
     }
 
@@ -177,9 +200,14 @@ impl<'a, const K: usize> ClosestOnSurface<'a, K> {
         let normals = v.map(|v| self.normal(v));
         let edges = [sub(corners[1], corners[0]), sub(corners[2], corners[0]), sub(z, corners[0])];
         let turns = [sub(normals[1], normals[0]), sub(normals[2], normals[0]), sub(n, normals[0])];
-        let (a, b) = (gram(&edges), gram(&turns));
-        closest(face, std::array::from_fn(|k| a[k] + b[k]))
+        let [bb, bc, cc] = self.edges[face as usize];
+        let way = |k: usize| dot(&edges[k], &edges[2]) + dot(&turns[k], &turns[2]);
+        closest(face, [bb, bc, cc, way(0), way(1), way(2)])
     }
+}
+
+fn finite<const K: usize>((z, n): Place<'_, K>) -> bool {
+    z.iter().chain(n).all(|x| x.is_finite())
 }
 
 /// The part of a place that lies in space, and the normal.
