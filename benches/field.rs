@@ -1,4 +1,4 @@
-//! The method `field`: preparation, edits of anchors, and the map on every back end beside `transport`.
+//! The method `field`: preparation, edits of anchors, a texture that follows them, and the map on every back end beside `transport`.
 //!
 //! `cargo bench --bench field`. With `BARYMAP_DATA` two people of about 13,000 vertices, else the built-in characters. Figures are process CPU time / 2 (what two idle cores
 //! take at best) and wall time, best of three rounds after a warm-up.
@@ -8,10 +8,13 @@ mod support;
 use barymap::engine::{Backend, Engine, EngineOptions};
 use barymap::geometry::SurfacePoint;
 use barymap::models::character_pair;
+use barymap::progress::Quiet;
+use barymap::raster::{Image, Pixels};
 use barymap::surface::correspondence::{CorrespondenceOptions, Method, Precision, correspondence};
 use barymap::surface::field::{Edit, Field, FieldOptions, FieldPair, FieldSession};
 use barymap::surface::gpu::correspondence_on;
 use barymap::surface::{AnchorPairs, PackedImage, PackedPoint, PointMap};
+use barymap::tools::transfer::{Layer, LiveTransfer, TransferOptions, transfer};
 use support::{Result, Spent, Surface, best, data, once, random_points};
 
 const ANCHORS: [usize; 2] = [27, 93];
@@ -93,6 +96,40 @@ fn edits(source: &Surface, target: &Surface, anchors: &AnchorPairs) -> Result<()
     Ok(())
 }
 
+/// A mesh mapped to itself, one anchor dragged to and fro: its texture follows.
+fn self_map(mesh: &Surface, count: usize) -> Result<()> {
+    const SIDE: u32 = 2048;
+    let points = mesh.farthest(count).into_iter().map(|v| mesh.vertex(v)).collect::<Result<Vec<SurfacePoint>>>()?;
+    let anchors = AnchorPairs { source: points.clone(), target: points.clone() };
+    let pair = FieldPair::<8>::new(mesh.shape(), mesh.shape())?;
+    let mut session = FieldSession::<f32, 8, 12>::new(pair, anchors, &FieldOptions::default())?;
+    let samples = (0..SIDE * SIDE * 3).map(|i| (i.wrapping_mul(0x9e37_79b9) >> 24) as u8).collect();
+    let image = Image::new(SIDE, SIDE, 3, Pixels::U8(samples))?;
+    let layers = [Layer::single("colour", &image)];
+    let options = TransferOptions { width: SIDE, height: SIDE, ..TransferOptions::default() };
+    let whole = best(ROUNDS, || {
+        transfer(&mesh.mesh, &layers, &mesh.mesh, session.field(), &options, &Quiet)?;
+        Ok(())
+    })?;
+    row(&format!("self-map, {count} anchors: whole texture, {SIDE} x {SIDE}"), whole, 1);
+    let mut live = LiveTransfer::new(&mesh.mesh, &layers, &mesh.mesh, session.field(), &options)?;
+    let start = points[count / 2];
+    let there = mesh.vertex(mesh.mesh.triangle(start.face as usize)[2])?;
+    let mut away = false;
+    let (mut recolored, mut all) = (0, 0);
+    let spent = best(2 * ROUNDS, || {
+        away = !away;
+        let triangles = session.edit(&[Edit::Move(count / 2, start, if away { there } else { start })])?;
+        let followed = live.update(session.field(), &triangles)?;
+        recolored = recolored.max(followed.recolored);
+        all = live.covered();
+        Ok(())
+    })?;
+    let share = 100.0 * recolored as f64 / all as f64;
+    row(&format!("the same, an anchor dragged, {share:.1} % of the texels coloured again"), spent, 1);
+    Ok(())
+}
+
 fn whole(map: &dyn PointMap, points: &[PackedPoint]) -> Result<Spent> {
     let mut images: Vec<PackedImage> = Vec::new();
     best(ROUNDS, || Ok(map.map(points, &mut images)?))
@@ -107,6 +144,7 @@ fn main() -> Result<()> {
     for n in ANCHORS {
         edits(&source, &target, &anchors(&source, &target, n)?)?;
     }
+    self_map(&source, ANCHORS[1])?;
     let anchors = anchors(&source, &target, ANCHORS[1])?;
     let mut points = random_points(&target.mesh, POINTS, 2);
     points.sort_by_key(|p| p.face);

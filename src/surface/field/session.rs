@@ -186,7 +186,8 @@ impl<'a, S: Real, const D: usize, const K: usize> FieldSession<'a, S, D, K> {
         let moves = smooth(&free);
         let still = STILL * STILL;
         let moved: Vec<bool> = moves.iter().map(|d| dot(d, d) > still).collect();
-        z.iter_mut().zip(&moves).for_each(|(z, d)| *z = add_scaled(z, 1.0, d));
+        // What has not moved stays to the bit, so that no other triangle has changed.
+        z.iter_mut().zip(&moves).zip(&moved).filter(|(_, m)| **m).for_each(|((z, d), _)| *z = add_scaled(z, 1.0, d));
 
         let triangles: Vec<u32> = (0..field.triangles.len() as u32)
             .filter(|&t| field.triangles[t as usize].iter().any(|&v| moved[v as usize]))

@@ -181,7 +181,7 @@ impl<'a> Window<'a> {
 }
 
 /// An image that can be looked up; what is not on a source of `faces` triangles is nowhere.
-fn checked(image: &PackedImage, faces: usize) -> PackedImage {
+pub(super) fn checked(image: &PackedImage, faces: usize) -> PackedImage {
     let b2 = 1.0 - image.b0 - image.b1;
     let inside = image.b0 >= -SLACK && image.b1 >= -SLACK && b2 >= -SLACK;
     if inside && (image.face as usize) < faces { *image } else { PackedImage::NOWHERE }

@@ -1,24 +1,17 @@
 //! The whole transfer, band after band.
 
-use rayon::prelude::*;
-
-use super::atlas::AtlasTexel;
 use super::band::Window;
 use super::bins::Atlas;
 use super::charts::charts;
 use super::coordinates;
-use super::exact::copy_coinciding;
-use super::fill::{Fill, Holes, fill};
-use super::footprint::Footprint;
-use super::gpu::{DeviceTexture, Sampler, Stages};
+use super::fill::{Fill, fill};
+use super::gpu::Stages;
 use super::kind::LayerKind;
-use super::layer::{Layer, blank, copy_padding, store};
-use super::mip::MipChain;
-use super::nearest::nearest_texels;
+use super::layer::{Layer, copy_padding};
+use super::output::{Output, Scratch};
 use super::pad::pad_seams;
 use super::plan::{Plan, fixed};
-use super::rebase::{Rebase, Samples, renormalise};
-use super::sample::{SampleParams, sample_texture};
+use super::rebase::{Rebase, renormalise};
 use super::seams::seam_pairs;
 use super::tables::{source_triangles, target_triangles};
 use super::tally::{HOLE, Tally};
@@ -244,7 +237,7 @@ fn fill_holes(
     filled.len() as u64
 }
 
-fn check(source: &Mesh, layers: &[Layer<'_>], target: &Mesh, options: &TransferOptions) -> Result<()> {
+pub(super) fn check(source: &Mesh, layers: &[Layer<'_>], target: &Mesh, options: &TransferOptions) -> Result<()> {
     for (name, side) in [("width", options.width), ("height", options.height)] {
         if side == 0 || side > LARGEST_SIDE {
             return Err(Error::option(
@@ -274,173 +267,4 @@ fn check(source: &Mesh, layers: &[Layer<'_>], target: &Mesh, options: &TransferO
         }
     }
     Ok(())
-}
-
-/// Buffers of a band, kept to be reused.
-#[derive(Default)]
-struct Scratch {
-    footprints: Vec<Footprint>,
-    fine_footprints: Vec<Footprint>,
-    colors: Vec<f32>,
-    fine_colors: Vec<f32>,
-}
-
-/// A layer and its result.
-struct Output<'a> {
-    chains: Vec<MipChain<'a>>,
-    /// The chains on a device, if sampling works there.
-    device: Vec<DeviceTexture>,
-    texture_of: Vec<u32>,
-    image: Image,
-    /// Where there is no colour, if that is to be filled.
-    holes: Holes,
-    kind: LayerKind,
-    /// What carries normals and heights to the target, if some layer holds them.
-    rebase: Option<&'a Rebase<'a>>,
-}
-
-impl<'a> Output<'a> {
-    fn new(
-        layer: &Layer<'a>,
-        source: &Mesh,
-        options: &TransferOptions,
-        rebase: Option<&'a Rebase<'a>>,
-    ) -> Result<Self> {
-        let (channels, depth) = layer.output_format(options.background);
-        let mut chains = layer.images.iter().map(|i| layer.chain(i)).collect::<Result<Vec<_>>>()?;
-        chains.iter_mut().for_each(|c| c.repeats = layer.face_texture.is_none());
-        Ok(Self {
-            chains,
-            holes: Holes::default(),
-            device: Vec::new(),
-            texture_of: layer.texture_of(source),
-            image: blank(options.width, options.height, channels, depth, options.background)?,
-            kind: layer.kind,
-            rebase,
-        })
-    }
-
-    /// Brings the chains to the device that samples.
-    fn upload(&mut self, sampler: &Sampler<'_>, options: &TransferOptions) -> Result<()> {
-        // Labels are looked up, not sampled.
-        for chain in self.chains.iter().filter(|_| self.kind != LayerKind::Labels) {
-            self.device.push(sampler.texture(chain, options.filter, options.taps)?);
-        }
-        Ok(())
-    }
-
-    /// Colours at footprints.
-    fn colors(
-        &self,
-        footprints: &[Footprint],
-        options: &TransferOptions,
-        colors: &mut Vec<f32>,
-        mut sampler: Option<&mut Sampler<'_>>,
-    ) -> Result<()> {
-        let channels = self.image.channels;
-        colors.clear();
-        colors.resize(footprints.len() * channels as usize, 0.0);
-        for (texture, chain) in self.chains.iter().enumerate() {
-            if self.kind == LayerKind::Labels {
-                let texture = texture as u32;
-                nearest_texels(chain, texture, channels as usize, &self.texture_of, footprints, colors);
-                continue;
-            }
-            let params = SampleParams { filter: options.filter, taps: options.taps, channels, texture: texture as u32 };
-            match (&mut sampler, self.device.get(texture)) {
-                (Some(s), Some(device)) => s.sample(device, chain, &params, &self.texture_of, footprints, colors)?,
-                _ => sample_texture(chain, &params, &self.texture_of, footprints, colors),
-            }
-        }
-        Ok(())
-    }
-
-    /// Fills the rows of the result.
-    fn sample(
-        &mut self,
-        rows: &std::ops::Range<usize>,
-        coarse: &Window<'_>,
-        fine: Option<&Window<'_>>,
-        scratch: &mut Scratch,
-        options: &TransferOptions,
-        mut sampler: Option<&mut Sampler<'_>>,
-    ) -> Result<()> {
-        self.colors(&scratch.footprints, options, &mut scratch.colors, sampler.as_deref_mut())?;
-        self.rebase(coarse, rows, &scratch.footprints, &mut scratch.colors);
-        if let Some(fine) = fine.filter(|_| self.kind != LayerKind::Labels) {
-            let k = options.supersample as usize;
-            self.colors(&scratch.fine_footprints, options, &mut scratch.fine_colors, sampler)?;
-            let fine_rows = rows.start * k..rows.end * k;
-            self.rebase(fine, &fine_rows, &scratch.fine_footprints, &mut scratch.fine_colors);
-            self.average(rows, coarse, fine, scratch, k);
-            renormalise(self.kind, self.image.depth(), self.image.channels as usize, &mut scratch.colors);
-        }
-        let encoding = self.chains[0].encoding;
-        let first = rows.start * coarse.width;
-        store(&mut self.image, first, encoding, &self.texture_of, &scratch.footprints, &scratch.colors);
-        // What is expressed on the target is not the source's texel.
-        if fine.is_none() && matches!(self.kind, LayerKind::Color | LayerKind::Labels) {
-            for (texture, chain) in self.chains.iter().enumerate() {
-                let (texture_of, footprints) = (&self.texture_of, &scratch.footprints);
-                copy_coinciding(&mut self.image, first, chain, texture as u32, texture_of, footprints);
-            }
-        }
-        Ok(())
-    }
-
-    /// Expresses normals and heights on the target.
-    fn rebase(&self, window: &Window<'_>, rows: &std::ops::Range<usize>, footprints: &[Footprint], colors: &mut [f32]) {
-        let Some(rebase) = self.rebase else { return };
-        let depths: Vec<Depth> = self.chains.iter().map(MipChain::depth).collect();
-        let samples = Samples {
-            kind: self.kind,
-            depths: &depths,
-            depth: self.image.depth(),
-            channels: self.image.channels as usize,
-            texture_of: &self.texture_of,
-        };
-        rebase.apply(&samples, window, rows, footprints, colors);
-    }
-
-    /// Replaces the colour of each texel by the mean of its samples whose centres lie in the same chart, if there are any.
-    fn average(
-        &self,
-        rows: &std::ops::Range<usize>,
-        coarse: &Window<'_>,
-        fine: &Window<'_>,
-        scratch: &mut Scratch,
-        k: usize,
-    ) {
-        let (width, channels) = (coarse.width, self.image.channels as usize);
-        let texels = coarse.texels(rows);
-        let fine_texels = fine.texels(&(rows.start * k..rows.end * k));
-        let Scratch { colors, fine_colors, fine_footprints, .. } = scratch;
-        let shown = |f: &Footprint| f.face != NONE && self.texture_of[f.face as usize] != NONE;
-        colors.par_chunks_mut(width * channels).enumerate().for_each(|(y, row)| {
-            for (x, color) in row.chunks_exact_mut(channels).enumerate() {
-                let chart = coarse.chart(&texels[y * width + x]);
-                if chart == NONE {
-                    continue;
-                }
-                let mut sum = [0.0_f32; 4];
-                let mut count = 0;
-                for j in 0..k {
-                    for i in (y * k + j) * width * k + x * k..(y * k + j) * width * k + x * k + k {
-                        let sample: &AtlasTexel = &fine_texels[i];
-                        if sample.is_centre() && fine.chart(sample) == chart && shown(&fine_footprints[i]) {
-                            count += 1;
-                            for (s, c) in sum.iter_mut().zip(&fine_colors[i * channels..(i + 1) * channels]) {
-                                *s += c;
-                            }
-                        }
-                    }
-                }
-                if count > 0 {
-                    for (c, s) in color.iter_mut().zip(sum) {
-                        *c = s / count as f32;
-                    }
-                }
-            }
-        });
-    }
 }

@@ -4,6 +4,7 @@ mod atlas;
 mod cases;
 mod filter;
 mod kinds;
+mod live;
 mod pictures;
 mod real;
 mod seams;
