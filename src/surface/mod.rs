@@ -5,6 +5,7 @@ pub mod average;
 pub mod correspondence;
 pub mod embedding;
 pub mod field;
+pub mod forward;
 pub mod gauge;
 pub mod gpu;
 mod identity;

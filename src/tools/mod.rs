@@ -8,6 +8,7 @@ pub mod differential;
 pub mod inverse_map;
 pub mod morph;
 pub mod render;
+pub mod spline;
 pub mod stopwatch;
 pub mod transfer;
 #[cfg(feature = "unwrap")]

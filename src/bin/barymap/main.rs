@@ -18,6 +18,7 @@ mod method;
 mod morph;
 mod progress_bar;
 mod render;
+mod spline;
 mod transfer;
 mod unwrap;
 mod warp;
@@ -78,6 +79,8 @@ enum Command {
     Morph(morph::Arguments),
     /// Sets a mesh in motion by markers or joints
     Animate(animate::Arguments),
+    /// B-splines and Bezier curves on a mesh
+    Spline(spline::Arguments),
     /// A shaded picture of a mesh, to look at results
     Render(render::Arguments),
 }
@@ -102,6 +105,7 @@ fn run(cli: &Cli) -> Result<()> {
         Command::Deform(a) => deform::run(common, a),
         Command::Morph(a) => morph::run(common, a),
         Command::Animate(a) => animate::run(common, a),
+        Command::Spline(a) => spline::run(common, a),
         Command::Render(a) => render::run(common, a),
     }
 }
