@@ -198,14 +198,13 @@ fn write(
 
 fn tell(session: &Session<'_>, surface: &Surface, curve: &SurfaceCurve, d: &Disagreement, arguments: &Arguments) {
     let diagonal = surface.mesh.bounds().map_or(1.0, |(low, high)| low.distance(high));
-    for jump in curve.jumps.iter().take(8) {
+    if let Some(longest) = curve.jumps.iter().max_by(|a, b| a.length.total_cmp(&b.length)) {
+        let open = curve.jumps.iter().filter(|j| !j.bridged).count();
+        let gaps = if open > 0 { format!("; {open} of them are gaps") } else { String::new() };
         session.warn(&format!(
-            "the curve jumps by {:.4} at parameter {:.4}: its control points are too far apart there for one average a point; add control points, or use --mode subdivision",
-            jump.length, jump.parameter
+            "averages of control points so far apart jump at {} places, by up to {:.4} at parameter {:.4}, which the curve crosses along the surface{gaps}; add control points, or use --mode subdivision",
+            curve.jumps.len(), longest.length, longest.parameter
         ));
-    }
-    if curve.jumps.len() > 8 {
-        session.warn(&format!("and {} jumps more", curve.jumps.len() - 8));
     }
     let off = curve.without_projection();
     if off > 0 {
@@ -227,7 +226,11 @@ fn tell(session: &Session<'_>, surface: &Surface, curve: &SurfaceCurve, d: &Disa
 }
 
 fn describe(curve: &SurfaceCurve, d: &Disagreement) -> Value {
-    let jumps: Vec<Value> = curve.jumps.iter().map(|j| json!({"parameter": j.parameter, "length": j.length})).collect();
+    let jumps: Vec<Value> = curve
+        .jumps
+        .iter()
+        .map(|j| json!({"parameter": j.parameter, "length": j.length, "bridged": j.bridged}))
+        .collect();
     let intervals: Vec<Value> =
         d.intervals.iter().map(|i| json!({"parameters": i.parameters, "distance": i.distance})).collect();
     json!({

@@ -26,6 +26,7 @@ pub(super) struct Curve<'a, const D: usize> {
 /// A span with its knots and control points at hand.
 pub(super) struct Span<'a, const D: usize> {
     pub(super) curve: &'a Curve<'a, D>,
+    index: usize,
     knots: Vec<f64>,
     controls: Vec<Vector<f64, D>>,
     planar: Option<(u32, Vec<[f64; 3]>)>,
@@ -57,6 +58,7 @@ impl<'a, const D: usize> Curve<'a, D> {
         });
         Span {
             curve: self,
+            index: s,
             knots: (0..2 * self.layout.degree).map(|j| self.layout.knot(s, j)).collect(),
             controls: (0..=self.layout.degree).map(|i| self.embedded[at(i)]).collect(),
             planar,
@@ -74,7 +76,10 @@ impl<'a, const D: usize> Curve<'a, D> {
                     span = Some((s, self.span(s)));
                 }
                 let Some((_, span)) = &span else { continue };
-                let near = out.last().filter(|l| (l.u - u).abs() * span.length() <= 1.0).map_or(NONE, |l| l.point.face);
+                let near = out
+                    .last()
+                    .filter(|l| (l.u - u).abs() * span.length() <= 1.0)
+                    .map_or_else(|| span.near(), |l| l.point.face);
                 out.push(span.at(u, near));
             }
             out
@@ -104,6 +109,15 @@ impl<const D: usize> Span<'_, D> {
     /// Length of the control polygon, in mean edges: a bound of the length in R^D.
     pub(super) fn length(&self) -> f64 {
         self.controls.windows(2).map(|w| distance_squared(&w[0], &w[1]).sqrt()).sum()
+    }
+
+    /// Where a search for any of its points begins: at a control point where all are near one another, else everywhere.
+    pub(super) fn near(&self) -> u32 {
+        if self.length() > FAR {
+            return NONE;
+        }
+        let layout = &self.curve.layout;
+        self.curve.controls[layout.control(self.index, layout.degree / 2)].face
     }
 
     /// The weighted average of the control points in R^D.

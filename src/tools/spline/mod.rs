@@ -89,21 +89,23 @@ pub struct CurvePoint {
     pub origin: Origin,
 }
 
-/// A place where a spline jumps: on no side is there a path over the surface that the averages follow.
+/// A place where a spline jumps: its averages have several projections nearly as close, and go from one to another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CurveJump {
     /// Its parameter.
     pub parameter: f64,
     /// Its length in space.
     pub length: f64,
+    /// Whether the polyline goes on over the surface, along the averages of the two ends; their parameter is that of the jump.
+    pub bridged: bool,
 }
 
 /// A spline as a polyline on the surface.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SurfaceCurve {
-    /// Runs of points joined by segments, each within one triangle; more than one where the curve jumps.
+    /// Runs of points joined by segments, each within one triangle; more than one where a jump has no bridge.
     pub runs: Vec<Vec<CurvePoint>>,
-    /// The jumps, between the runs.
+    /// The jumps.
     pub jumps: Vec<CurveJump>,
     /// Whether the last point is the first.
     pub closed: bool,
@@ -196,9 +198,9 @@ impl<'a> SplineSurface<'a> {
                 jumps: trace
                     .jumps
                     .iter()
-                    .map(|j| CurveJump { parameter: j.u / spans as f64, length: j.length })
+                    .map(|j| CurveJump { parameter: j.u / spans as f64, length: j.length, bridged: j.bridged })
                     .collect(),
-                closed: layout.closed && trace.jumps.is_empty(),
+                closed: layout.closed && trace.runs.len() == 1,
                 spans: layout.spans(),
                 levels,
             }

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::curve::{Curve, Sample, Span};
+use super::layout::{Layout, SplineKind};
 use crate::geometry::{NONE, SurfacePoint};
 use crate::surface::forward::{Average, Origin};
 use crate::surface::psi::Root;
@@ -20,22 +21,32 @@ const RESIDUAL: f64 = 1e-8;
 /// Steps of the search for a crossing.
 const STEPS: u32 = 60;
 
+/// Times the line over a jump is halved at most, and the distance of neighbours, in mean edges, that is near enough.
+const BRIDGE_LEVELS: u32 = 14;
+const BRIDGE_STEP: f64 = 0.5;
+
 /// A place where the curve jumps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Jump {
     pub(super) u: f64,
     pub(super) length: f64,
+    /// Whether the polyline goes on over the surface.
+    pub(super) bridged: bool,
 }
 
-/// What a trace found: runs of points with a break at each jump.
+/// What a trace found: runs of points with a break at each jump that has no bridge.
 #[derive(Debug, Default)]
 pub(super) struct Trace {
     pub(super) runs: Vec<Vec<Sample>>,
     pub(super) jumps: Vec<Jump>,
 }
 
-/// Traces a curve: at least `samples` intervals of equal length in the parameter, flat to `tolerance` (a length), each segment within a triangle.
+/// Traces a curve: at least `samples` intervals of equal length in the parameter, flat to `tolerance` (a length), each segment within a triangle. Jumps are bridged over the surface where that is possible.
 pub(super) fn trace<const D: usize>(curve: &Curve<'_, D>, samples: usize, tolerance: f64) -> Trace {
+    trace_with(curve, samples, tolerance, true)
+}
+
+fn trace_with<const D: usize>(curve: &Curve<'_, D>, samples: usize, tolerance: f64, bridges: bool) -> Trace {
     let spans = curve.layout.spans();
     // A sample at least every edge or so, lest an excursion to other triangles goes unseen.
     let tasks: Vec<(usize, usize, usize, usize)> = (0..spans)
@@ -47,10 +58,14 @@ pub(super) fn trace<const D: usize>(curve: &Curve<'_, D>, samples: usize, tolera
         })
         .collect();
     let place = |s: usize, i: usize, n: usize| s as f64 + i as f64 / n as f64;
-    // Where tasks meet, found by a search over the whole surface.
-    let mut ends: Vec<Sample> = tasks.par_iter().map(|&(s, i, _, n)| curve.span(s).at(place(s, i, n), NONE)).collect();
+    // Where tasks meet, found without what comes before.
+    let begin = |s: usize, u: f64| {
+        let span = curve.span(s);
+        span.at(u, span.near())
+    };
+    let mut ends: Vec<Sample> = tasks.par_iter().map(|&(s, i, _, n)| begin(s, place(s, i, n))).collect();
     let last = Sample { u: spans as f64, ..ends[0] };
-    ends.push(if curve.layout.closed { last } else { curve.span(spans - 1).at(spans as f64, NONE) });
+    ends.push(if curve.layout.closed { last } else { begin(spans - 1, spans as f64) });
     let unit = TOUCH * curve.mesh.mean_edge_length();
     let parts: Vec<Trace> = tasks
         .par_iter()
@@ -58,11 +73,11 @@ pub(super) fn trace<const D: usize>(curve: &Curve<'_, D>, samples: usize, tolera
         .map(|(k, &(s, from, to, n))| {
             let span = curve.span(s);
             let run = |global: bool| {
-                let mut tracer =
-                    Tracer { span: &span, tolerance, touch: unit, run: vec![ends[k]], found: Trace::default() };
+                let run = vec![ends[k]];
+                let mut tracer = Tracer { span: &span, tolerance, touch: unit, bridges, run, found: Trace::default() };
                 let mut now = ends[k];
                 for i in from + 1..to {
-                    let next = span.at(place(s, i, n), if global { NONE } else { now.point.face });
+                    let next = span.at(place(s, i, n), if global { span.near() } else { now.point.face });
                     tracer.connect(&now, &next, 0);
                     now = next;
                 }
@@ -98,6 +113,7 @@ struct Tracer<'a, const D: usize> {
     span: &'a Span<'a, D>,
     tolerance: f64,
     touch: f64,
+    bridges: bool,
     run: Vec<Sample>,
     found: Trace,
 }
@@ -134,11 +150,37 @@ impl<const D: usize> Tracer<'_, D> {
         match self.touching(a, b) {
             Some(c) => self.run.extend([c, *b]),
             None => {
-                self.found.jumps.push(Jump { u: b.u, length: a.position.distance(b.position) });
-                let run = std::mem::replace(&mut self.run, vec![*b]);
-                self.found.runs.push(run);
+                let bridge = if self.bridges { self.bridge(a, b) } else { None };
+                let length = a.position.distance(b.position);
+                self.found.jumps.push(Jump { u: b.u, length, bridged: bridge.is_some() });
+                match bridge {
+                    Some(way) => self.run.extend(way),
+                    None => {
+                        let run = std::mem::replace(&mut self.run, vec![*b]);
+                        self.found.runs.push(run);
+                    }
+                }
             }
         }
+    }
+
+    /// A way over the surface from `a` to `b`: the line of averages of the two, by repeated averaging. `None` if that jumps too.
+    fn bridge(&self, a: &Sample, b: &Sample) -> Option<Vec<Sample>> {
+        let curve = self.span.curve;
+        let line = Layout::new(SplineKind::BSpline, 1, 2, false)?;
+        let mut way = Curve::new(curve.mesh, curve.forward, line, vec![a.point, b.point]);
+        for _ in 0..BRIDGE_LEVELS {
+            if way.widest() <= BRIDGE_STEP {
+                break;
+            }
+            way = way.halved();
+        }
+        let mut trace = trace_with(&way, 0, self.tolerance, false);
+        let run = trace.runs.pop()?;
+        let ends = Sample { u: b.u, ..*b };
+        let inner = run.get(1..run.len().saturating_sub(1))?;
+        let moved = inner.iter().map(|s| Sample { u: b.u, ..*s });
+        trace.jumps.is_empty().then(|| moved.chain([ends]).collect())
     }
 
     /// Whether `m` lies in `face` and as near to the segment as asked for.
