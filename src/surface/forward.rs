@@ -1,7 +1,7 @@
 //! The forward problem for points anywhere on a surface: weighted averages of surface points (paper, section 3.3), in double precision.
 
 use crate::engine::Real;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::geometry::{NONE, SurfacePoint};
 
 use super::correspondence::Shape;
@@ -136,6 +136,52 @@ impl<const D: usize> Forward<D> {
         let mean = points.iter().zip(weights).fold([0.0; D], |sum, (p, w)| add_scaled(&sum, *w, &self.embed(p)));
         self.project(&mean, start)
     }
+}
+
+/// [`Forward`] in any dimension that embeddings have.
+#[derive(Debug)]
+pub enum AnyForward {
+    /// In R^4.
+    Four(Box<Forward<4>>),
+    /// In R^8.
+    Eight(Box<Forward<8>>),
+    /// In R^12.
+    Twelve(Box<Forward<12>>),
+    /// In R^16.
+    Sixteen(Box<Forward<16>>),
+}
+
+impl AnyForward {
+    /// Prepares the surface of `shape`.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the embedding is missing; [`Error::Option`] if it is in another dimension than 4, 8, 12 and 16; as [`Forward::new`].
+    pub fn new(shape: Shape<'_>) -> Result<Self> {
+        Ok(match super::correspondence::dimension(&shape, &shape)? {
+            4 => Self::Four(Box::new(Forward::new(shape)?)),
+            8 => Self::Eight(Box::new(Forward::new(shape)?)),
+            12 => Self::Twelve(Box::new(Forward::new(shape)?)),
+            16 => Self::Sixteen(Box::new(Forward::new(shape)?)),
+            d => {
+                let what = format!("{d} is not 4, 8, 12 or 16");
+                return Err(Error::option("dimension", what, "Embed with one of these"));
+            }
+        })
+    }
+}
+
+/// Runs the same code for the [`Forward`] of each dimension.
+#[macro_export]
+#[doc(hidden)]
+macro_rules! forward_in_dimension {
+    ($any:expr, $forward:ident => $work:expr) => {
+        match $any {
+            $crate::surface::forward::AnyForward::Four($forward) => $work,
+            $crate::surface::forward::AnyForward::Eight($forward) => $work,
+            $crate::surface::forward::AnyForward::Twelve($forward) => $work,
+            $crate::surface::forward::AnyForward::Sixteen($forward) => $work,
+        }
+    };
 }
 
 /// A planar average.

@@ -17,6 +17,7 @@ pub mod psi;
 pub mod quality;
 mod search;
 pub mod single;
+pub mod stencils;
 pub mod tangents;
 #[cfg(test)]
 mod theory;

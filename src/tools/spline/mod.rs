@@ -21,9 +21,10 @@ pub use drawing::{DrawingOptions, drawing};
 pub use layout::{MOST_DEGREE, SplineKind};
 
 use crate::error::{Error, Result};
+use crate::forward_in_dimension as in_dimension;
 use crate::geometry::{Mesh, NONE, SurfacePoint, Topology};
 use crate::surface::correspondence::Shape;
-use crate::surface::forward::{Forward, Origin};
+use crate::surface::forward::{AnyForward, Forward, Origin};
 use curve::{Curve, Sample};
 use layout::Layout;
 
@@ -137,28 +138,8 @@ impl SurfaceCurve {
 pub struct SplineSurface<'a> {
     mesh: &'a Mesh,
     topology: &'a Topology,
-    prepared: Prepared,
+    prepared: AnyForward,
     diagonal: f64,
-}
-
-#[derive(Debug)]
-enum Prepared {
-    Four(Box<Forward<4>>),
-    Eight(Box<Forward<8>>),
-    Twelve(Box<Forward<12>>),
-    Sixteen(Box<Forward<16>>),
-}
-
-/// Runs the same code for each dimension of the embedding.
-macro_rules! in_dimension {
-    ($prepared:expr, $forward:ident => $work:expr) => {
-        match $prepared {
-            Prepared::Four($forward) => $work,
-            Prepared::Eight($forward) => $work,
-            Prepared::Twelve($forward) => $work,
-            Prepared::Sixteen($forward) => $work,
-        }
-    };
 }
 
 impl<'a> SplineSurface<'a> {
@@ -167,17 +148,7 @@ impl<'a> SplineSurface<'a> {
     /// # Errors
     /// [`Error::Input`] if the embedding is missing or does not fit the mesh; as [`Forward::new`].
     pub fn new(shape: Shape<'a>) -> Result<Self> {
-        let dimension = crate::surface::correspondence::dimension(&shape, &shape)?;
-        let prepared = match dimension {
-            4 => Prepared::Four(Box::new(Forward::new(shape)?)),
-            8 => Prepared::Eight(Box::new(Forward::new(shape)?)),
-            12 => Prepared::Twelve(Box::new(Forward::new(shape)?)),
-            16 => Prepared::Sixteen(Box::new(Forward::new(shape)?)),
-            d => {
-                let what = format!("{d} is not 4, 8, 12 or 16");
-                return Err(Error::option("dimension", what, "Embed with one of these"));
-            }
-        };
+        let prepared = AnyForward::new(shape)?;
         let diagonal = shape.mesh.bounds().map_or(0.0, |(low, high)| low.distance(high));
         Ok(Self { mesh: shape.mesh, topology: shape.topology, prepared, diagonal })
     }

@@ -148,7 +148,7 @@ fn polylines_are_as_near_as_asked_for_and_do_not_depend_on_threads() {
     let at = |i: usize| {
         let a = TAU * i as f64 / 8.0;
         let b = 2.0 * a;
-        DVec3::new((1.0 + 0.4 * b.cos()) * a.cos(), 0.4 * b.sin(), (1.0 + 0.4 * b.cos()) * a.sin())
+        DVec3::new((1.0 + 0.4 * b.cos()) * a.cos(), (1.0 + 0.4 * b.cos()) * a.sin(), 0.4 * b.sin())
     };
     let controls = model.nearest(&(0..8).map(at).collect::<Vec<_>>());
     let diagonal = surface.diagonal;

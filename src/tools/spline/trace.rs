@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::curve::{Curve, Sample, Span};
 use super::layout::{Layout, SplineKind};
-use crate::geometry::{NONE, SurfacePoint};
+use crate::geometry::SurfacePoint;
 use crate::surface::forward::{Average, Origin};
 use crate::surface::psi::Root;
 
