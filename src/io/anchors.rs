@@ -174,6 +174,25 @@ pub fn read_single(path: impl AsRef<Path>) -> Result<AnchorList> {
     Ok(AnchorList { path: path.to_path_buf(), anchors })
 }
 
+/// Reads points of one mesh that are no anchors, such as the control points of a curve: a JSON list of entries, `{"points": [...]}`, and all that [`read_single`] takes.
+///
+/// # Errors
+/// As [`read_single`].
+pub fn read_places(path: impl AsRef<Path>) -> Result<AnchorList> {
+    let path = path.as_ref();
+    let text = source::read_text(path)?;
+    if text.trim_start().starts_with(['{', '[']) {
+        let mut value = parse_json(&text, path)?;
+        if value.is_array() {
+            value = serde_json::json!({ "points": value });
+        }
+        if value.get("points").is_some() {
+            return Ok(AnchorList { path: path.to_path_buf(), anchors: entries(&value, "points", path)? });
+        }
+    }
+    read_single(path)
+}
+
 /// Lines with something on them, without comments, as 1-based numbers and words.
 fn data_lines(text: &str) -> impl Iterator<Item = (usize, Vec<&str>)> {
     let words = |line: &str| line.split('#').next().unwrap_or_default().len();
@@ -394,8 +413,11 @@ mod tests {
         assert_eq!(pairs.source.anchors, [AnchorSpec::Vertex(7), AnchorSpec::Vertex(8)]);
         assert_eq!(pairs.target.anchors, [AnchorSpec::Vertex(9), AnchorSpec::Vertex(10)]);
 
-        let single = read_single(file(&dir, "c.json", r#"{"anchors": [1, 2]}"#)).unwrap();
-        assert_eq!(single.anchors, [AnchorSpec::Vertex(1), AnchorSpec::Vertex(2)]);
+        for text in [r#"{"anchors": [1, 2]}"#, r#"{"points": [1, 2]}"#, "[1, 2]", "1\n2\n"] {
+            let path = file(&dir, "c.json", text);
+            assert_eq!(read_places(&path).unwrap().anchors, [AnchorSpec::Vertex(1), AnchorSpec::Vertex(2)]);
+            assert_eq!(read_single(&path).is_ok(), !text.contains("points") && !text.starts_with('['));
+        }
     }
 
     #[test]

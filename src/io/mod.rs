@@ -34,6 +34,7 @@ mod ply_header;
 pub mod ply_write;
 pub mod point_table;
 pub mod points;
+pub mod polyline;
 pub mod report;
 mod source;
 pub mod svg;

@@ -5,6 +5,7 @@ pub mod average;
 pub mod correspondence;
 pub mod embedding;
 pub mod field;
+pub mod forward;
 pub mod gauge;
 pub mod gpu;
 mod identity;
@@ -16,6 +17,7 @@ pub mod psi;
 pub mod quality;
 mod search;
 pub mod single;
+pub mod stencils;
 pub mod tangents;
 #[cfg(test)]
 mod theory;

@@ -7,7 +7,9 @@ pub mod deform;
 pub mod differential;
 pub mod inverse_map;
 pub mod morph;
+pub mod remesh;
 pub mod render;
+pub mod spline;
 pub mod stopwatch;
 pub mod transfer;
 #[cfg(feature = "unwrap")]

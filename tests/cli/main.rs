@@ -11,6 +11,8 @@ mod machine;
 mod map;
 mod morph;
 mod pairs;
+mod remesh;
+mod spline;
 mod steps;
 mod support;
 mod textures;

@@ -17,7 +17,9 @@ mod map;
 mod method;
 mod morph;
 mod progress_bar;
+mod remesh;
 mod render;
+mod spline;
 mod transfer;
 mod unwrap;
 mod warp;
@@ -78,6 +80,10 @@ enum Command {
     Morph(morph::Arguments),
     /// Sets a mesh in motion by markers or joints
     Animate(animate::Arguments),
+    /// A fine quad mesh on a mesh, from a coarse one
+    Remesh(remesh::Arguments),
+    /// B-splines and Bezier curves on a mesh
+    Spline(spline::Arguments),
     /// A shaded picture of a mesh, to look at results
     Render(render::Arguments),
 }
@@ -102,6 +108,8 @@ fn run(cli: &Cli) -> Result<()> {
         Command::Deform(a) => deform::run(common, a),
         Command::Morph(a) => morph::run(common, a),
         Command::Animate(a) => animate::run(common, a),
+        Command::Remesh(a) => remesh::run(common, a),
+        Command::Spline(a) => spline::run(common, a),
         Command::Render(a) => render::run(common, a),
     }
 }

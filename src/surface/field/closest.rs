@@ -15,11 +15,11 @@ pub(super) const FLAT: Normal = [0.0; 4];
 
 /// A closest point.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Closest {
-    pub(super) face: u32,
-    pub(super) x: [f64; 3],
+pub(in crate::surface) struct Closest {
+    pub(in crate::surface) face: u32,
+    pub(in crate::surface) x: [f64; 3],
     /// Normals included.
-    pub(super) distance_squared: f64,
+    pub(in crate::surface) distance_squared: f64,
 }
 
 /// A point of R^K and its normal.
@@ -27,7 +27,7 @@ type Place<'a, const K: usize> = (&'a Vector<f64, K>, &'a Normal);
 
 /// Answers closest point queries on a surface in R^K.
 #[derive(Debug)]
-pub(super) struct ClosestOnSurface<'a, const K: usize> {
+pub(in crate::surface) struct ClosestOnSurface<'a, const K: usize> {
     surface: &'a PhongSurface<f64, K>,
     vertices: &'a NearestVertex<K>,
     /// Of each vertex; empty where they do not count.
@@ -37,7 +37,7 @@ pub(super) struct ClosestOnSurface<'a, const K: usize> {
 }
 
 impl<'a, const K: usize> ClosestOnSurface<'a, K> {
-    pub(super) fn new(surface: &'a PhongSurface<f64, K>, vertices: &'a NearestVertex<K>) -> Self {
+    pub(in crate::surface) fn new(surface: &'a PhongSurface<f64, K>, vertices: &'a NearestVertex<K>) -> Self {
         Self { surface, vertices, normals: &[], edges: Vec::new() }
     }
 
@@ -56,7 +56,7 @@ impl<'a, const K: usize> ClosestOnSurface<'a, K> {
     /// The closest point of the triangles around the nearest vertex, then around the corners of the triangle found, until none is closer; the lowest triangle on ties. A
     /// local minimum that begins at the exactly nearest vertex: where triangles are much larger than the distance to another part of the surface it may
     /// not be the global one. `None` for a point that is not finite.
-    pub(super) fn find(&self, z: &Vector<f64, K>) -> Option<Closest> {
+    pub(in crate::surface) fn find(&self, z: &Vector<f64, K>) -> Option<Closest> {
         self.near((z, &FLAT), NONE)
     }
 

@@ -5,7 +5,7 @@
 //! poses agree; `lambda` and the mixture of predictions are chosen by what anchors say that are left out. Then `z` is drawn onto the source by displacements that are smooth over the target, anchors
 //! staying where they are. A point between vertices is interpolated and projected (Phong projection of Panozzo et al. 2013, in more dimensions): no pass over the anchors.
 
-mod closest;
+pub(super) mod closest;
 mod pair;
 mod predict;
 mod radial;

@@ -1,0 +1,366 @@
+//! Semiregular quad remeshing and Laplacian smoothing on a surface (Panozzo et al. 2013, section 4.1, Figure 7).
+//!
+//! A coarse mesh of quads is snapped to the surface. Each level splits every quad into four: the middle of an edge is the average of its two ends on the surface, the middle of a face that of its corners. Each
+//! smoothing step then moves every vertex towards the average of its neighbours, all at once. Levels and steps are batches: every average reads the points of the stage before and writes one point of the next.
+//!
+//! Each corner of a face that is no quad becomes a quad in the first level, as in the scheme of Catmull and Clark 1978.
+
+mod measure;
+mod quads;
+
+use glam::DVec3;
+
+pub use measure::{Angles, Distances, EdgeLengths, Turned};
+
+use crate::error::{Error, Result};
+use crate::forward_in_dimension as in_dimension;
+use crate::geometry::{ClosestPoints, Mesh, NONE, SurfacePoint, Topology};
+use crate::surface::correspondence::Shape;
+use crate::surface::forward::{AnyForward, Average, Origin};
+use crate::surface::stencils::Stencils;
+use quads::{Polygons, Refined};
+
+/// Largest number of vertices of a result.
+const MOST_VERTICES: u64 = 1 << 24;
+/// Largest number of smoothing steps.
+const MOST_STEPS: u32 = 10_000;
+
+/// Rest lengths that [`Evenness::Auto`] tries, from the paper's on.
+const TRIED: [f64; 6] = [0.0, 0.5, 0.75, 0.9, 1.0, 1.0];
+/// Part of the step for the last of them.
+const SHORT: f64 = 0.25;
+
+/// Edges shorter than the rest length by more than this factor push no more than one of that length.
+const LARGEST_PUSH: f64 = 3.0;
+
+/// What a smoothing step does about lengths of edges.
+///
+/// Neighbour `j` of vertex `i` pulls with the weight `1 - c m / |x_j - x_i|`, `m` being the mean length of all edges, as a spring of rest length `c m` does. With `c = 0` all pull alike: the paper's
+/// Laplacian smoothing, which makes angles right, but draws vertices of valence three together and so may make lengths *less* even. With `c = 1` a step goes down the gradient of the variance of lengths, and angles follow
+/// only as far as that lets them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Evenness {
+    /// In each step the least `c` of a few with which the variance falls; where it falls with none, that step and all after leave the mesh as it is.
+    #[default]
+    Auto,
+    /// The same `c`, 0..=1, in all steps.
+    Fixed(f64),
+}
+
+/// How a surface is remeshed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RemeshOptions {
+    /// Times every quad is split into four.
+    pub levels: u32,
+    /// Steps of smoothing.
+    pub smooth: u32,
+    /// How far a step goes towards the average of the neighbours: above 0, 1 is the paper's.
+    pub step: f64,
+    /// What a step does about lengths of edges.
+    pub evenness: Evenness,
+}
+
+impl Default for RemeshOptions {
+    fn default() -> Self {
+        Self { levels: 3, smooth: 5, step: 1.0, evenness: Evenness::Auto }
+    }
+}
+
+/// A coarse mesh on a surface, with all that does not depend on where its vertices are.
+#[derive(Debug)]
+pub struct Remesher<'a> {
+    mesh: &'a Mesh,
+    topology: &'a Topology,
+    closest: ClosestPoints,
+    forward: AnyForward,
+    name: String,
+    base: Vec<SurfacePoint>,
+    /// The vertices of the base mesh that are used, by their numbers there.
+    used: Vec<u32>,
+    snapped: Vec<f64>,
+    polygons: Polygons,
+    others: usize,
+    levels: Vec<Refined>,
+    smoothing: Stencils,
+    edges: Vec<[u32; 2]>,
+    steps: u32,
+    evenness: Evenness,
+    /// The rest lengths of the last frame's steps.
+    rest_lengths: Vec<f64>,
+    /// The points after each level and each step of the frame before, from which the searches of the next begin.
+    stages: Vec<Vec<SurfacePoint>>,
+    without_projection: usize,
+}
+
+/// What the result of a remeshing is like.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct RemeshReport {
+    /// Vertices.
+    pub vertices: usize,
+    /// Faces.
+    pub faces: usize,
+    /// Faces of the base mesh that are no quads.
+    pub base_others: usize,
+    /// How far the vertices of the base mesh were moved onto the surface: the largest distance.
+    pub snap_largest: f64,
+    /// The same, their mean.
+    pub snap_mean: f64,
+    /// Vertices of the result for which there was no Phong projection.
+    pub without_projection: usize,
+    /// Lengths of edges: before smoothing, and after each step.
+    pub edge_lengths: Vec<EdgeLengths>,
+    /// The rest length of each step that was done, in mean lengths.
+    pub rest_lengths: Vec<f64>,
+    /// Angles of the result.
+    pub angles: Angles,
+    /// Faces turned over before smoothing and in the result.
+    pub turned: [Turned; 2],
+    /// Distances of the result.
+    pub distances: Distances,
+}
+
+impl<'a> Remesher<'a> {
+    /// Snaps the vertices of `base` to the surface of `shape` and prepares all levels. O(F D + V log V + result).
+    ///
+    /// # Errors
+    /// [`Error::Option`] for options out of range; [`Error::Mesh`] naming the face of `base`: fewer than three corners, a vertex twice, corners on different components of the surface, or no face;
+    /// [`Error::Input`] for a vertex of `base` that is not finite; as [`AnyForward::new`].
+    pub fn new(shape: Shape<'a>, base: &Mesh, options: &RemeshOptions) -> Result<Self> {
+        if !(options.step > 0.0 && options.step <= 1.0) {
+            let what = format!("{} is not above 0 and at most 1", options.step);
+            return Err(Error::option("--step", what, "1 goes all the way to the average, 0.5 half of it"));
+        }
+        if let Evenness::Fixed(c) = options.evenness
+            && !(0.0..=1.0).contains(&c)
+        {
+            let what = format!("{c} is not between 0 and 1");
+            return Err(Error::option("--even", what, "0 is plain Laplacian smoothing, 1 evens lengths of edges"));
+        }
+        if options.smooth > MOST_STEPS {
+            let what = format!("{} is more than {MOST_STEPS}", options.smooth);
+            return Err(Error::option("--smooth", what, "A few steps are usual"));
+        }
+        let (polygons, used) = Polygons::of(base)?;
+        // A level takes four times as many vertices, about one for each corner.
+        let after = (polygons.corners.len() as u64 + polygons.vertices as u64)
+            .saturating_mul(4u64.saturating_pow(options.levels.saturating_sub(1)));
+        if after > MOST_VERTICES {
+            let what =
+                format!("{} levels of {} faces are more than {MOST_VERTICES} vertices", options.levels, polygons.len());
+            return Err(Error::option("--levels", what, "Give fewer levels"));
+        }
+        let closest = ClosestPoints::new(shape.mesh, shape.topology);
+        let places: Vec<DVec3> = used.iter().map(|&v| base.positions[v as usize]).collect();
+        let mut points = Vec::with_capacity(places.len());
+        let mut snapped = Vec::with_capacity(places.len());
+        for (found, &v) in closest.nearest_all(&places).into_iter().zip(&used) {
+            let Some((point, distance)) = found else {
+                let what = format!("vertex {v} of {} is not finite", base.name);
+                return Err(Error::input(what, "Correct its coordinates"));
+            };
+            points.push(point);
+            snapped.push(distance);
+        }
+        let component = |v: u32| shape.topology.triangle_component(points[v as usize].face);
+        for p in 0..polygons.len() {
+            let c = polygons.polygon(p);
+            if let Some(&v) = c.iter().find(|&&v| component(v) != component(c[0])) {
+                let what = format!(
+                    "face {p} has corners on components {} and {} of {}: vertices {} and {}",
+                    component(c[0]),
+                    component(v),
+                    shape.mesh.name,
+                    used[c[0] as usize],
+                    used[v as usize]
+                );
+                return Err(Error::mesh(&base.name, what, "Give each part of the surface its own faces"));
+            }
+        }
+        let others = polygons.others();
+        let mut levels: Vec<Refined> = Vec::new();
+        for _ in 0..options.levels {
+            let next = levels.last().map_or(&polygons, |l| &l.polygons).refined();
+            levels.push(next);
+        }
+        let finest = levels.last().map_or(&polygons, |l| &l.polygons);
+        let smoothing = finest.smoothing(options.step);
+        let edges = finest.edges().into_iter().map(|e| e.0).collect();
+        Ok(Self {
+            mesh: shape.mesh,
+            topology: shape.topology,
+            closest,
+            forward: AnyForward::new(shape)?,
+            name: base.name.clone(),
+            base: points,
+            used,
+            snapped,
+            polygons,
+            others,
+            levels,
+            smoothing,
+            edges,
+            steps: options.smooth,
+            evenness: options.evenness,
+            rest_lengths: Vec::new(),
+            stages: Vec::new(),
+            without_projection: 0,
+        })
+    }
+
+    /// How far each used vertex of the base mesh was moved onto the surface, with its number there.
+    pub fn snapped(&self) -> impl Iterator<Item = (u32, f64)> + '_ {
+        self.used.iter().copied().zip(self.snapped.iter().copied())
+    }
+
+    /// The vertices of the base mesh on the surface: those that are used, in their order.
+    pub fn base(&self) -> &[SurfacePoint] {
+        &self.base
+    }
+
+    /// Moves a vertex of the base mesh for the next frame.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if there is no such vertex (of [`Self::base`]) or the point is not on the surface.
+    pub fn move_vertex(&mut self, v: usize, point: SurfacePoint) -> Result<()> {
+        if v >= self.base.len() || !point.is_valid(self.mesh, 1e-6) || !self.topology.usable[point.face as usize] {
+            let what = format!("vertex {v} of {} cannot go to face {}", self.base.len(), point.face);
+            return Err(Error::input(what, "Name a vertex of the base mesh and a point of the surface"));
+        }
+        self.base[v] = point;
+        Ok(())
+    }
+
+    /// Computes all vertices, in batches on the CPU; each search begins where the same one of the frame before ended. The vertices come as points of the surface: those of the base mesh first, then the middles of edges and faces level by level.
+    ///
+    /// About a microsecond an average: O(vertices (1 + steps)).
+    pub fn frame(&mut self) -> &[SurfacePoint] {
+        let mut stages: Vec<Vec<SurfacePoint>> = Vec::with_capacity(self.levels.len() + self.steps as usize);
+        let mut without = 0;
+        let mut now = self.base.clone();
+        for (k, level) in self.levels.iter().enumerate() {
+            let starts: Vec<u32> =
+                self.stages.get(k).map(|s| s[now.len()..].iter().map(|p| p.face).collect()).unwrap_or_default();
+            let found = self.batch(&now, &level.rows, &starts);
+            without += found.iter().filter(|a| a.origin == Origin::Closest).count();
+            now.extend(found.iter().map(|a| a.point));
+            stages.push(now.clone());
+        }
+        let mut rest_lengths = Vec::new();
+        for k in 0..self.steps as usize {
+            let starts: Vec<u32> =
+                self.stages.get(self.levels.len() + k).map(|s| s.iter().map(|p| p.face).collect()).unwrap_or_default();
+            let Some((found, c)) = self.smoothed(&now, &starts) else { break };
+            without = found.iter().filter(|a| a.origin == Origin::Closest).count();
+            now = found.iter().map(|a| a.point).collect();
+            rest_lengths.push(c);
+            stages.push(now.clone());
+        }
+        self.rest_lengths = rest_lengths;
+        self.without_projection = without;
+        if stages.is_empty() {
+            stages.push(now);
+        }
+        self.stages = stages;
+        self.stages.last().map_or(&self.base, |s| s)
+    }
+
+    /// One step, and the rest length it was done with; `None` where no step lowers the variance.
+    fn smoothed(&self, points: &[SurfacePoint], starts: &[u32]) -> Option<(Vec<Average>, f64)> {
+        match self.evenness {
+            Evenness::Fixed(c) => Some((self.batch(points, &self.pulls(points, c, 1.0), starts), c)),
+            Evenness::Auto => {
+                let variance = |p: &[DVec3]| measure::edge_lengths(&self.edges, p).variance;
+                let before = variance(&self.positions(points));
+                TRIED.iter().enumerate().find_map(|(k, &c)| {
+                    let part = if k + 1 == TRIED.len() { SHORT } else { 1.0 };
+                    let found = self.batch(points, &self.pulls(points, c, part), starts);
+                    let after: Vec<DVec3> = found.iter().map(|a| a.point.position(self.mesh)).collect();
+                    (variance(&after) < before).then_some((found, c))
+                })
+            }
+        }
+    }
+
+    /// The averages of a step with rest length `c`, and `part` of its length.
+    fn pulls(&self, points: &[SurfacePoint], c: f64, part: f64) -> Stencils {
+        let mut rows = self.smoothing.clone();
+        if c == 0.0 && part == 1.0 {
+            return rows;
+        }
+        let x = self.positions(points);
+        let rest = c * measure::edge_lengths(&self.edges, &x).mean;
+        rows.scale(|i, j| {
+            let length = x[i as usize].distance(x[j as usize]);
+            // Neighbours in one place do not push each other anywhere.
+            if length > 0.0 { part * (1.0 - (rest / length).min(LARGEST_PUSH)) } else { part }
+        });
+        rows
+    }
+
+    fn batch(&self, points: &[SurfacePoint], rows: &Stencils, starts: &[u32]) -> Vec<Average> {
+        in_dimension!(&self.forward, forward => forward.averages(points, rows, starts))
+    }
+
+    fn finest(&self) -> &Polygons {
+        self.levels.last().map_or(&self.polygons, |l| &l.polygons)
+    }
+
+    fn positions(&self, points: &[SurfacePoint]) -> Vec<DVec3> {
+        points.iter().map(|p| p.position(self.mesh)).collect()
+    }
+
+    /// The quad mesh of the last frame.
+    pub fn mesh(&self) -> Mesh {
+        let points = self.stages.last().unwrap_or(&self.base);
+        self.finest().mesh(&self.name, self.positions(points))
+    }
+
+    /// What the last frame is like. O(vertices log F).
+    pub fn report(&self) -> RemeshReport {
+        let finest = self.finest();
+        let first = self.levels.len().saturating_sub(1);
+        let unsmoothed = if self.levels.is_empty() { &self.base } else { self.stages.get(first).unwrap_or(&self.base) };
+        let smoothed = self.stages.get(self.levels.len()..).unwrap_or_default();
+        let smoothed = if self.rest_lengths.is_empty() { &[] } else { smoothed };
+        let last = smoothed.last().unwrap_or(unsmoothed);
+        let positions = self.positions(last);
+        let all = || std::iter::once(unsmoothed).chain(smoothed);
+        let turned = |points: &[SurfacePoint]| {
+            measure::turned(finest, &self.positions(points), points, (self.mesh, self.topology))
+        };
+        RemeshReport {
+            vertices: finest.vertices,
+            faces: finest.len(),
+            base_others: self.others,
+            snap_largest: self.snapped.iter().copied().fold(0.0, f64::max),
+            snap_mean: self.snapped.iter().sum::<f64>() / self.snapped.len().max(1) as f64,
+            without_projection: self.without_projection,
+            edge_lengths: all().map(|p| measure::edge_lengths(&self.edges, &self.positions(p))).collect(),
+            rest_lengths: self.rest_lengths.clone(),
+            angles: measure::angles(finest, &positions),
+            turned: [turned(unsmoothed), turned(last)],
+            distances: measure::distances(finest, &positions, &self.mesh(), (self.mesh, &self.closest)),
+        }
+    }
+
+    /// The same averages as the last frame (with fixed evenness), one by one and without any warm start, for comparison.
+    pub fn one_by_one(&self) -> Vec<SurfacePoint> {
+        let mut now = self.base.clone();
+        let one = |points: &[SurfacePoint], rows: &Stencils| -> Vec<SurfacePoint> {
+            in_dimension!(&self.forward, forward => {
+                (0..rows.len()).map(|r| forward.average_row(points, rows, r, NONE).point).collect()
+            })
+        };
+        for level in &self.levels {
+            let found = one(&now, &level.rows);
+            now.extend(found);
+        }
+        for &c in &self.rest_lengths {
+            now = one(&now, &self.pulls(&now, c, 1.0));
+        }
+        now
+    }
+}
+
+#[cfg(test)]
+mod tests;
