@@ -29,7 +29,9 @@ pub fn read_decal_anchors(path: impl AsRef<Path>) -> Result<(AnchorList, Vec<DVe
         return match count {
             4 => Ok((list, vec![DVec2::ZERO, DVec2::X, DVec2::ONE, DVec2::Y])),
             0..4 => fail(format!("{count} anchors are too few for a decal, four are the fewest")),
-            _ => fail(format!("there are {count} anchors and no \"uv\"; only four are taken for the picture's corners")),
+            _ => {
+                fail(format!("there are {count} anchors and no \"uv\"; only four are taken for the picture's corners"))
+            }
         };
     };
     let Some(entries) = given.as_array() else {

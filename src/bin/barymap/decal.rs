@@ -92,7 +92,11 @@ impl Arguments {
                 return Err(usage("--image", "there is no picture to draw", remedy));
             }
             if self.patch {
-                return Err(usage("--patch", "a texture shows all of the mesh", "Use it with an output that ends in .obj"));
+                return Err(usage(
+                    "--patch",
+                    "a texture shows all of the mesh",
+                    "Use it with an output that ends in .obj",
+                ));
             }
         } else if self.texture.is_some() || self.size.is_some() {
             let option = if self.texture.is_some() { "--texture" } else { "--size" };

@@ -65,7 +65,9 @@ impl DecalAnchors {
                 let (here, there) = (at[i].distance(at[j]) <= apart, uv[i].distance(uv[j]) <= SAME);
                 if here != there {
                     let (one, two) = if here { ("the surface", "the picture") } else { ("the picture", "the surface") };
-                    let what = format!("anchors {j} and {i} are one point of {one} but two of {two}: they contradict each other");
+                    let what = format!(
+                        "anchors {j} and {i} are one point of {one} but two of {two}: they contradict each other"
+                    );
                     return fail(what, "Move or remove one of them");
                 }
             }

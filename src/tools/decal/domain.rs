@@ -77,9 +77,8 @@ impl Trilateration {
             let g = self.metric * (a - self.middle);
             DVec3::new(-2.0 * g.x, -2.0 * g.y, 1.0)
         };
-        let normal: DMat3 = uv.iter().map(|&a| row(a)).fold(DMat3::ZERO, |m, r| {
-            m + DMat3::from_cols(r * r.x, r * r.y, r * r.z)
-        });
+        let normal: DMat3 =
+            uv.iter().map(|&a| row(a)).fold(DMat3::ZERO, |m, r| m + DMat3::from_cols(r * r.x, r * r.y, r * r.z));
         let inverse = normal.inverse();
         let mut right: Vec<DVec3> = Vec::new();
         for (&a, distances) in uv.iter().zip(marches) {

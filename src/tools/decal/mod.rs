@@ -99,9 +99,8 @@ pub fn decal(
     let domain = Domain::new(mesh, topology, anchors, &corners)?;
     let found = match layout {
         Layout::Plate => {
-            let tie = |p: &SurfacePoint| {
-                (mesh.triangle(p.face as usize).map(|v| domain.number[v as usize]), p.barycentric)
-            };
+            let tie =
+                |p: &SurfacePoint| (mesh.triangle(p.face as usize).map(|v| domain.number[v as usize]), p.barycentric);
             let ties: Vec<_> = anchors.points.iter().map(tie).collect();
             plate::plate(&domain.positions, &domain.triangles, &ties, &anchors.uv)?
         }
@@ -141,7 +140,11 @@ fn averages(domain: &Domain, anchors: &DecalAnchors, progress: &dyn Progress) ->
     let vertices: Vec<SurfacePoint> =
         (0..part.vertex_count() as u32).filter_map(|v| topology.vertex_point(v)).collect();
     if vertices.len() < part.vertex_count() {
-        return Err(Error::mesh("the part around the anchors", "a triangle is too small", "Remove degenerate triangles"));
+        return Err(Error::mesh(
+            "the part around the anchors",
+            "a triangle is too small",
+            "Remove degenerate triangles",
+        ));
     }
     let weights = WeightedPoints::new(shape, &points)?.weights(&vertices)?;
     let average = |row: &[f64]| row.iter().zip(&anchors.uv).map(|(w, uv)| *uv * *w).sum();

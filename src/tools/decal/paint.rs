@@ -3,8 +3,8 @@
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::composite::framed;
 use super::Decal;
+use super::composite::framed;
 use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::geometry::{Corner, Mesh, MeshBuilder, NONE};

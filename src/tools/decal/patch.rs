@@ -108,7 +108,8 @@ impl Patch {
         if stack.is_empty() {
             // No anchor is in the picture: its part nearest to its centre is between them.
             stack.extend(domain.faces.iter().copied().filter(|&t| upright[t as usize]).min_by(|&a, &b| {
-                let off = |t| corners_of(mesh, uv, t).map_or(f64::INFINITY, |c| ((c[0] + c[1] + c[2]) / 3.0 - 0.5).length());
+                let off =
+                    |t| corners_of(mesh, uv, t).map_or(f64::INFINITY, |c| ((c[0] + c[1] + c[2]) / 3.0 - 0.5).length());
                 off(a).total_cmp(&off(b)).then(a.cmp(&b))
             }));
         }
