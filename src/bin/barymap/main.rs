@@ -77,7 +77,7 @@ enum Command {
     WarpPoints(warp_points::Arguments),
     /// Poses a mesh by a few of its vertices and keeps its shape
     Deform(deform::Arguments),
-    /// In-betweens and blends of meshes of the same connectivity
+    /// In-betweens and blends of meshes, of the same connectivity or by pairs of anchors
     Morph(morph::Arguments),
     /// Sets a mesh in motion by markers or joints
     Animate(animate::Arguments),
