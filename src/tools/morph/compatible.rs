@@ -141,3 +141,7 @@ fn long_edges(rest: &Mesh, topology: &Topology, made: &Mesh) -> usize {
     let length = |mesh: &Mesh, e: &[u32; 2]| mesh.positions[e[0] as usize].distance(mesh.positions[e[1] as usize]);
     edges.iter().filter(|e| length(made, e) > LONG * ratio * length(rest, e)).count()
 }
+
+#[cfg(test)]
+#[path = "compatible_tests.rs"]
+mod tests;

@@ -61,3 +61,26 @@ impl<'a> FrameWatch<'a> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::models::shapes::icosphere;
+
+    #[test]
+    fn volume_stretch_and_folds() {
+        let mesh = icosphere(1.0, 3);
+        let watch = FrameWatch::new(&mesh);
+        let same = watch.measure(&mesh.positions);
+        assert!((same.volume / (4.0 / 3.0 * std::f64::consts::PI) - 1.0).abs() < 0.02);
+        assert!((same.stretch_all - 1.0).abs() < 1e-9 && same.inverted == 0);
+        // Far away and twice as large: eight times the volume, no stretch.
+        let moved: Vec<DVec3> = mesh.positions.iter().map(|p| *p * 2.0 + DVec3::splat(1e3)).collect();
+        let m = watch.measure(&moved);
+        assert!((m.volume / same.volume - 8.0).abs() < 1e-6 && (m.stretch_all - 1.0).abs() < 1e-6, "{m:?}");
+        // A vertex pushed over its neighbours folds.
+        let mut folded = mesh.positions.clone();
+        folded[100] = -folded[100] * 0.3 + DVec3::new(0.9, 0.2, 0.1);
+        assert!(watch.measure(&folded).inverted > 0);
+    }
+}
