@@ -9,6 +9,7 @@ mod assemble;
 pub mod attribute_table;
 pub mod cache;
 pub mod cage;
+pub mod decal_anchors;
 pub mod geojson;
 pub mod gltf_animation;
 mod gltf_components;

@@ -3,6 +3,7 @@ pub mod anchors;
 pub mod animate;
 pub mod attributes;
 pub mod cover;
+pub mod decal;
 pub mod deform;
 pub mod differential;
 pub mod inverse_map;

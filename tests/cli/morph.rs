@@ -125,3 +125,73 @@ fn masks_and_outputs_that_do_not_fit_are_told() {
     f.run("morph a.obj b.obj -o out.glb --anchors anchors.txt").fails(1, &["99999"]);
     assert!(!f.path("out.obj").exists() && !f.path("out.glb").exists() && !f.path("out").exists());
 }
+
+#[test]
+fn meshes_of_other_connectivity_take_that_of_the_first() {
+    let f = Folder::spheres();
+    f.run("morph s.obj t.obj --pairs a.json -o out --frames 5 --compatible c.obj --landmarks 150 --report r.json")
+        .succeeds();
+    let load = |name: &str| read_mesh(f.path(name)).unwrap().mesh;
+    let (s, t, c) = (load("s.obj"), load("t.obj"), load("c.obj"));
+    let frames: Vec<Mesh> = (0..5).map(|k| load(&format!("out/frame_000{k}.obj"))).collect();
+    for frame in &frames {
+        assert_eq!(frame.triangles(), s.triangles());
+    }
+    // The ends are exact, to the last bit.
+    assert_eq!(frames[0].positions, s.positions);
+    assert_eq!(frames[4].positions, c.positions);
+    // The last one lies on the other mesh and fills it.
+    let closest = barymap::geometry::ClosestPoints::new(&t, &barymap::geometry::Topology::new(&t));
+    let off = c.positions.iter().map(|p| closest.nearest(*p).unwrap().1).fold(0.0, f64::max);
+    assert!(off < 1e-5, "{off}");
+    let report = f.json("r.json");
+    let volume = |k: usize| report["frames"][k]["volume"].as_f64().unwrap();
+    let (low, high) = (volume(0).min(volume(4)), volume(0).max(volume(4)));
+    for k in 0..5 {
+        assert!(volume(k) > 0.8 * low && volume(k) < 1.2 * high, "{k}: {}", volume(k));
+        assert_eq!(report["frames"][k]["inverted"], 0);
+    }
+    assert_eq!(report["frames"][0]["stretch_all"].as_f64().unwrap(), 1.0);
+    assert!((volume(4) / barymap::tools::morph::FrameWatch::new(&t).measure(&t.positions).volume - 1.0).abs() < 0.02);
+    assert_eq!(report["compatible"][0]["bad"], 0);
+    // The same bytes on one thread; one blend and an animation go the same way.
+    f.run_with(
+        "morph s.obj t.obj --pairs a.json -o again --frames 2 --landmarks 150 --compatible d.obj",
+        &[("RAYON_NUM_THREADS", "1")],
+    )
+    .succeeds();
+    assert_eq!(f.bytes("c.obj"), f.bytes("d.obj"));
+    f.run("morph s.obj t.obj --pairs a.json -o half.ply --weights 0.5,0.5 --landmarks 150").succeeds();
+    f.run("morph s.obj t.obj --pairs a.json -o half.glb --frames 3 --landmarks 150").succeeds();
+    assert!(load("half.ply").vertex_count() == s.vertex_count() && f.path("half.glb").exists());
+}
+
+#[test]
+fn pairs_that_do_not_fit_are_told() {
+    let f = Folder::spheres();
+    f.run("morph s.obj t.obj -o bad").fails(1, &["vertices", "--pairs"]);
+    f.run("morph s.obj t.obj --pairs a.json --pairs a.json -o bad").fails(2, &["--pairs", "2 files for 1"]);
+    f.write("few.json", r#"{"source": [0, 50, 100], "target": [0, 50, 100]}"#);
+    f.run("morph s.obj t.obj --pairs few.json -o bad").fails(1, &["few.json", "too few"]);
+    f.write("far.json", r#"{"source": [0, 50, 100, 99999], "target": [0, 50, 100, 7]}"#);
+    f.run("morph s.obj t.obj --pairs far.json -o bad").fails(1, &["far.json", "99999"]);
+    f.write("nan.json", r#"{"source": [0, 50, 100, NaN], "target": [0, 50, 100, 7]}"#);
+    f.run("morph s.obj t.obj --pairs nan.json -o bad").fails(1, &["nan.json", "JSON"]);
+    f.write("one.json", r#"{"anchors": [0, 50, 100, 200]}"#);
+    f.run("morph s.obj t.obj --pairs one.json -o bad").fails(1, &["one.json", "pairs are needed"]);
+    assert_eq!(f.run("morph s.obj t.obj -o bad --compatible c.obj").code, Some(2));
+    f.run("morph s.obj t.obj --pairs a.json -o bad --compatible none/c.obj").fails(1, &["none"]);
+    // A second part without any pair has a guess, not a fault.
+    let (sphere, mut far) = (read_mesh(f.path("s.obj")).unwrap().mesh, Vec::new());
+    let n = sphere.vertex_count() as u32;
+    let mut positions = sphere.positions.clone();
+    positions.extend(sphere.positions.iter().map(|p| *p + DVec3::X * 3.0));
+    far.extend(sphere.triangles());
+    far.extend(sphere.triangles().iter().map(|t| t.map(|v| v + n)));
+    // And an edge of three triangles, and one without area.
+    far.extend([[0, 1, n + 5], [3, 3, 4]]);
+    write_obj(&Mesh::from_triangles("two", positions, &far), f.path("two.obj")).unwrap();
+    let ran = f.run("morph two.obj t.obj --pairs a.json -o odd.ply --weights 0.5,0.5 --landmarks 150");
+    assert!(matches!(ran.code, Some(0 | 1)) && !ran.stderr.contains("panicked"), "{}", ran.stderr);
+    assert!(!f.path("bad").exists() && !f.path("c.obj").exists());
+}

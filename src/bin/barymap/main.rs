@@ -8,6 +8,7 @@ mod batch_record;
 mod cage_map;
 mod check;
 mod common;
+mod decal;
 mod deform;
 mod demo;
 mod devices;
@@ -68,6 +69,8 @@ enum Command {
     Attributes(attributes::Arguments),
     /// Transfers the texture of one mesh to many others
     Batch(batch::Arguments),
+    /// Lays a picture onto a part of a surface by four anchors or more
+    Decal(decal::Arguments),
     /// Makes texture coordinates for a mesh: charts without overlaps, flattened and packed
     Unwrap(unwrap::Arguments),
     /// Warps a picture by a cage, without folds
@@ -76,7 +79,7 @@ enum Command {
     WarpPoints(warp_points::Arguments),
     /// Poses a mesh by a few of its vertices and keeps its shape
     Deform(deform::Arguments),
-    /// In-betweens and blends of meshes of the same connectivity
+    /// In-betweens and blends of meshes, of the same connectivity or by pairs of anchors
     Morph(morph::Arguments),
     /// Sets a mesh in motion by markers or joints
     Animate(animate::Arguments),
@@ -102,6 +105,7 @@ fn run(cli: &Cli) -> Result<()> {
         Command::Transfer(a) => transfer::run(common, a),
         Command::Attributes(a) => attributes::run(common, a),
         Command::Batch(a) => batch::run(common, a),
+        Command::Decal(a) => decal::run(common, a),
         Command::Unwrap(a) => unwrap::run(common, a),
         Command::Warp(a) => warp::run(common, a),
         Command::WarpPoints(a) => warp_points::run(common, a),

@@ -1,26 +1,37 @@
-//! `barymap morph`: in-betweens and blends of meshes of the same connectivity.
+//! `barymap morph`: in-betweens and blends of meshes, of the same connectivity or brought to it.
 
 use std::path::{Path, PathBuf};
 
-use barymap::Result;
 use barymap::encoding::{DecodeReport, HierarchyOptions};
 use barymap::geometry::Mesh;
 use barymap::io::gltf_write::own_materials;
 use barymap::io::{GlbAnimation, MorphForm, read_mask, read_vertex_list, write_animated_glb, write_glb};
+use barymap::surface::AnchorPairs;
 use barymap::tools::animate::frames::{FrameFolder, FrameFormat};
-use barymap::tools::morph::{Morpher, QUALITY};
+use barymap::tools::morph::{
+    CompatibleReport, FrameReport, FrameWatch, Morpher, QUALITY, compatible_mesh, without_normals,
+};
+use barymap::{Error, Result};
 use clap::ValueEnum;
 use glam::DVec3;
 use serde_json::{Value, json};
 
-use crate::common::{Common, Session, check_outputs, usage};
+use crate::common::{Common, EmbeddingArguments, Session, Surface, anchor_pairs, check_outputs, usage};
+use crate::method::{MethodArguments, prepare};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    /// Two or more meshes of the same connectivity; with --frames they are passed through in this order. A turn by more than 180 degrees needs a mesh
-    /// on the way
+    /// Two or more meshes of the same connectivity, or of any with --pairs; with --frames they are passed through in this order. A turn by more than 180
+    /// degrees needs a mesh on the way
     #[arg(required = true, num_args = 2..)]
     meshes: Vec<PathBuf>,
+    /// Pairs of anchors of the first mesh ("source") and the second ("target"), which then may be of any connectivity: it takes that of the first. For
+    /// more meshes repeat it, once for each after the first
+    #[arg(long)]
+    pairs: Vec<String>,
+    /// With --pairs: write the first mesh in the shape of the last (OBJ or PLY)
+    #[arg(long, requires = "pairs")]
+    compatible: Option<PathBuf>,
     /// Number of frames from the first mesh to the last, both included; with a mask, from the mesh that rules at the anchors to the blend
     #[arg(long, conflicts_with = "weights")]
     frames: Option<usize>,
@@ -43,6 +54,10 @@ pub(crate) struct Arguments {
     /// A folder for the frames, or an animation as OUT.glb; one blend alone may also be OUT.obj or OUT.ply
     #[arg(long, short)]
     output: PathBuf,
+    #[command(flatten)]
+    method: MethodArguments,
+    #[command(flatten)]
+    embedding: EmbeddingArguments,
 }
 
 /// Formats of the frames.
@@ -79,8 +94,24 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     if glb || file {
         check_outputs([arguments.output.as_path()])?;
     }
+    check_outputs(arguments.compatible.as_deref())?;
+    let others = arguments.meshes.len().saturating_sub(1);
+    if !arguments.pairs.is_empty() && arguments.pairs.len() != others {
+        let what = format!("{} files for {others} meshes after the first", arguments.pairs.len());
+        return Err(usage("--pairs", &what, "Give one for each, in their order"));
+    }
     let mut session = Session::start_on_cpu(common)?;
-    let meshes: Vec<Mesh> = arguments.meshes.iter().map(|p| session.mesh(p).map(|s| s.mesh)).collect::<Result<_>>()?;
+    let mut surfaces: Vec<Surface> = arguments.meshes.iter().map(|p| session.mesh(p)).collect::<Result<_>>()?;
+    let mut brought: Vec<Value> = Vec::new();
+    for (k, pairs) in arguments.pairs.iter().enumerate() {
+        let (first, rest) = surfaces.split_at_mut(1);
+        let report = bring(&mut session, &mut first[0], &mut rest[k], pairs, arguments)?;
+        brought.push(describe(&report));
+    }
+    if let (Some(path), Some(last)) = (&arguments.compatible, surfaces.last()) {
+        write_mesh(&last.mesh, path)?;
+    }
+    let meshes: Vec<Mesh> = surfaces.into_iter().map(|s| s.mesh).collect();
     let anchors = arguments.anchors.as_ref().map(read_vertex_list).transpose()?;
     let borrowed: Vec<&Mesh> = meshes.iter().collect();
     let mut morpher = Morpher::new(&borrowed, anchors.as_deref(), &HierarchyOptions::default())?;
@@ -102,10 +133,17 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         _ => Target::Folder(FrameFolder::create(&arguments.output, count, format)?),
     };
     session.progress().stage("morphing", count as u64);
-    let mut told: Vec<Value> = Vec::new();
+    let watch = FrameWatch::new(&meshes[0]);
+    let ends: Vec<f64> = meshes.iter().map(|m| watch.measure(&m.positions).volume).collect();
+    let (mut told, mut measured): (Vec<Value>, Vec<FrameReport>) = (Vec::new(), Vec::new());
     let mut keep = |how: Value, positions: Vec<DVec3>, report: &DecodeReport| -> Result<()> {
         let g = report.levels.last().map_or(0.0, |l| l.after);
-        told.push(json!({"weights": how, "g": g, "iterations": report.iterations()}));
+        let m = watch.measure(&positions);
+        told.push(json!({
+            "weights": how, "g": g, "iterations": report.iterations(), "volume": m.volume, "stretch_all": m.stretch_all,
+            "stretch_best95": m.stretch_best95, "inverted": m.inverted, "inverted_area": m.inverted_area,
+        }));
+        measured.push(m);
         match &mut target {
             Target::Folder(folder) => folder.write(&mesh, &positions)?,
             Target::Glb(frames) => frames.push(positions),
@@ -146,7 +184,13 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         }
     };
     session.watch.lap("write");
-    session.say(&format!("{}: {written}", arguments.output.display()));
+    let inverted = measured.iter().map(|m| m.inverted).max().unwrap_or(0);
+    session.say(&format!("{}: {written}; at most {inverted} triangles inverted", arguments.output.display()));
+    warn_of_volumes(&session, &ends, &measured);
+    if !brought.is_empty() {
+        report["compatible"] = brought.into();
+    }
+    report["volumes"] = json!(ends);
     report["anchors"] = json!(morpher.anchors());
     report["frames"] = told.into();
     session.write_report(&report)
@@ -188,17 +232,63 @@ fn path(meshes: usize, count: usize) -> Vec<Vec<f64>> {
         .collect()
 }
 
-/// The same mesh with corners that name no normal.
-fn without_normals(mesh: &Mesh) -> Mesh {
-    use barymap::geometry::{Corner, MeshBuilder, NONE};
-    let mut builder = MeshBuilder::new(mesh.name.clone());
-    builder.mesh.positions = mesh.positions.clone();
-    builder.mesh.texcoords = mesh.texcoords.clone();
-    builder.mesh.materials = mesh.materials.clone();
-    builder.mesh.groups = mesh.groups.clone();
-    for p in 0..mesh.polygon_count() {
-        (builder.material, builder.group) = (mesh.polygon_material(p), mesh.polygon_group(p));
-        builder.polygon(mesh.polygon(p).iter().map(|c| Corner { normal: NONE, ..*c }));
+/// Fewest pairs of anchors between meshes of different connectivity.
+const FEWEST: usize = 4;
+
+/// Gives `other` the connectivity of `first`, by pairs of anchors.
+fn bring(
+    session: &mut Session<'_>,
+    first: &mut Surface,
+    other: &mut Surface,
+    pairs: &str,
+    arguments: &Arguments,
+) -> Result<CompatibleReport> {
+    // The correspondence goes from the mesh that receives to the one that is looked up: from the first to the other.
+    let anchors = anchor_pairs(pairs, first, other, session)?;
+    if anchors.len() < FEWEST {
+        let what = format!("{pairs}: {} pairs are too few", anchors.len());
+        return Err(Error::input(what, "Give four or more, better twenty, on all limbs"));
     }
-    builder.build()
+    let anchors = AnchorPairs { source: anchors.target, target: anchors.source };
+    let map = prepare(session, other, first, &anchors, arguments.method, &arguments.embedding)?;
+    let (from, to) = ((&first.mesh, &first.topology), (&other.mesh, &other.topology));
+    let made = compatible_mesh(from, to, map.as_ref(), &anchors.target)?;
+    session.watch.lap("compatible");
+    let r = made.report;
+    session.say(&format!(
+        "{}: stretch efficiency (best 95 %) {:.3}, {} triangles turned over or collapsed, {} after mending ({:.2} % of the area), {} edges more than {} times as long",
+        made.mesh.name,
+        r.stretch_best95,
+        r.bad_before,
+        r.bad,
+        100.0 * r.bad_area,
+        r.long_edges,
+        barymap::tools::morph::LONG
+    ));
+    if r.bad_area > 0.05 {
+        session.warn("much of it is folded: check that the pairs do not contradict one another, or give more");
+    }
+    // Its own embedding belongs to the other connectivity.
+    *other = Surface { topology: barymap::geometry::Topology::new(&made.mesh), mesh: made.mesh, embedding: None };
+    Ok(r)
+}
+
+fn describe(r: &CompatibleReport) -> Value {
+    json!({
+        "valid": r.valid, "doubtful": r.doubtful, "filled": r.filled, "bad_before": r.bad_before, "bad": r.bad, "bad_area": r.bad_area,
+        "moved": r.moved, "off": r.off, "stretch_all": r.stretch_all, "stretch_best95": r.stretch_best95, "long_edges": r.long_edges,
+    })
+}
+
+/// Tells of in-betweens that collapse or swell.
+fn warn_of_volumes(session: &Session<'_>, ends: &[f64], frames: &[FrameReport]) {
+    let least = ends.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = ends.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if !(least > 0.0) {
+        return;
+    }
+    let outside = frames.iter().filter(|f| !(f.volume >= 0.8 * least && f.volume <= 1.2 * most)).count();
+    if outside > 0 {
+        session.warn(&format!("{outside} frames have a volume far from those of the meshes: see the report"));
+    }
 }

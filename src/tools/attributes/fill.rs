@@ -35,7 +35,7 @@ pub(super) fn reached(topology: &Topology, known: &[bool]) -> Vec<bool> {
 ///
 /// # Errors
 /// If memory is lacking.
-pub(super) fn harmonic(
+pub(crate) fn harmonic(
     (mesh, topology): (&Mesh, &Topology),
     known: &[bool],
     columns: usize,

@@ -6,6 +6,8 @@
 mod carry;
 mod fill;
 
+pub(crate) use fill::harmonic;
+
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, Topology};
 use crate::surface::quality::vertex_normals;

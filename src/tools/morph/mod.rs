@@ -1,9 +1,13 @@
-//! Morphing and blending of shapes of the same connectivity through their encodings (section 4.3).
+//! Morphing and blending of shapes of the same connectivity through their encodings (section 4.3); shapes of another connectivity get that of the first through a correspondence
+//! ([`compatible_mesh`]).
 //!
 //! In-betweens turn where a blend of positions would shrink. They are reached in small steps from an input, each beginning where the one
 //! before ended, so that no step can jump to a folded shape.
 
 mod anchors;
+mod compatible;
+mod frame;
+mod untangle;
 
 use glam::DVec3;
 
@@ -11,9 +15,11 @@ use crate::encoding::{
     Blend, Connectivity, DecodeReport, Decoder, Hierarchy, HierarchyOptions, Quality, Similarity, V3,
 };
 use crate::error::{Error, Result};
-use crate::geometry::{Mesh, NONE};
+use crate::geometry::{Corner, Mesh, MeshBuilder, NONE};
 
 use anchors::Anchors;
+pub use compatible::{Compatible, CompatibleReport, LONG, compatible_mesh};
+pub use frame::{FrameReport, FrameWatch};
 
 /// Largest change of a weight in one step.
 const STEP: f64 = 1.0 / 16.0;
@@ -121,6 +127,12 @@ impl Morpher {
     /// [`Error::Option`] for weights that do not fit; [`Error::Numeric`] if no finite shape was found.
     pub fn shape(&mut self, weights: &[f64], quality: &Quality) -> Result<(Vec<DVec3>, DecodeReport)> {
         self.check(weights)?;
+        if let Some(only) = weights.iter().position(|&w| w == 1.0) {
+            // Not decoded, but as given, to the last bit.
+            self.weights = weights.to_vec();
+            self.decoder.set_last(Some(self.shapes[only].clone()));
+            return Ok((self.originals[only].clone(), DecodeReport::default()));
+        }
         let (corner, weight) =
             weights.iter().enumerate().fold((0, f64::MIN), |b, (k, &w)| if w > b.1 { (k, w) } else { b });
         let far = self.weights.iter().zip(weights).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
@@ -259,12 +271,26 @@ impl Morpher {
     }
 }
 
+/// The same mesh with corners that name no normal: those of an in-between would be wrong, and readers make their own.
+pub fn without_normals(mesh: &Mesh) -> Mesh {
+    let mut builder = MeshBuilder::new(mesh.name.clone());
+    builder.mesh.positions = mesh.positions.clone();
+    builder.mesh.texcoords = mesh.texcoords.clone();
+    builder.mesh.materials = mesh.materials.clone();
+    builder.mesh.groups = mesh.groups.clone();
+    for p in 0..mesh.polygon_count() {
+        (builder.material, builder.group) = (mesh.polygon_material(p), mesh.polygon_group(p));
+        builder.polygon(mesh.polygon(p).iter().map(|c| Corner { normal: NONE, ..*c }));
+    }
+    builder.build()
+}
+
 /// Fails at the first difference.
 fn same_connectivity(a: &Mesh, b: &Mesh) -> Result<()> {
     let wrong = |what: String| {
         Err(Error::input(
             format!("{} and {} differ: {what}", a.name, b.name),
-            "Morphing needs meshes of the same connectivity; make one by mapping a mesh onto the other first",
+            "Meshes of different connectivity need pairs of anchors (--pairs P.json)",
         ))
     };
     if a.vertex_count() != b.vertex_count() {
