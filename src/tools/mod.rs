@@ -2,6 +2,7 @@
 pub mod anchors;
 pub mod animate;
 pub mod attributes;
+pub mod cage;
 pub mod cover;
 pub mod decal;
 pub mod deform;

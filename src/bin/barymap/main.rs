@@ -5,6 +5,7 @@ mod animate;
 mod attributes;
 mod batch;
 mod batch_record;
+mod cage;
 mod cage_map;
 mod check;
 mod common;
@@ -77,6 +78,8 @@ enum Command {
     Warp(warp::Arguments),
     /// Warps points and outlines by a cage, either way
     WarpPoints(warp_points::Arguments),
+    /// Deforms a model by a closed cage around it, without folds as far as is sampled
+    Cage(cage::Arguments),
     /// Poses a mesh by a few of its vertices and keeps its shape
     Deform(deform::Arguments),
     /// In-betweens and blends of meshes, of the same connectivity or by pairs of anchors
@@ -109,6 +112,7 @@ fn run(cli: &Cli) -> Result<()> {
         Command::Unwrap(a) => unwrap::run(common, a),
         Command::Warp(a) => warp::run(common, a),
         Command::WarpPoints(a) => warp_points::run(common, a),
+        Command::Cage(a) => cage::run(common, a),
         Command::Deform(a) => deform::run(common, a),
         Command::Morph(a) => morph::run(common, a),
         Command::Animate(a) => animate::run(common, a),

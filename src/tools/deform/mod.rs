@@ -3,7 +3,7 @@
 //! Handles are points; their rotations follow from the encoding. Everything is computed about the rest shape's centre at diagonal one.
 
 mod followers;
-mod normals;
+pub(super) mod normals;
 mod request;
 
 use std::collections::BTreeMap;
