@@ -103,7 +103,7 @@ fn main() -> Result<()> {
     for (smooth, evenness) in [(0, Evenness::Fixed(0.0)), (5, Evenness::Fixed(0.0)), (5, Evenness::Auto)] {
         let options = RemeshOptions { levels: 2, smooth, evenness, ..RemeshOptions::default() };
         let mut remesher = Remesher::new(shape, &ring(), &options)?;
-        let vertices = remesher.frame().len();
+        let vertices = remesher.frame()?.len();
         let first = remesher.base()[0];
         let mut k = 0;
         let spent = best(ROUNDS, || {
@@ -111,7 +111,7 @@ fn main() -> Result<()> {
             let w = 0.1 * f64::from(k % 8);
             let moved = SurfacePoint::new(first.face, [w, 0.8 - w, 0.2]);
             remesher.move_vertex(0, moved)?;
-            remesher.frame();
+            remesher.frame()?;
             Ok(())
         })?;
         println!(

@@ -73,7 +73,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut pictures = Vec::new();
     for (levels, smooth) in [(0, 0), (3, 0), (3, 5)] {
         let mut remesher = Remesher::new(shape, &base, &RemeshOptions { levels, smooth, ..RemeshOptions::default() })?;
-        remesher.frame();
+        remesher.frame()?;
         let report = remesher.report();
         let quads = remesher.mesh();
         let deviation: Vec<String> =

@@ -61,11 +61,6 @@ impl Stencils {
             }
         }
     }
-
-    /// The rows as they are stored: where each begins in the entries, own points, entries, weights.
-    pub fn tables(&self) -> (&[u32], &[u32], &[u32], &[f64]) {
-        (&self.start, &self.own, &self.entries, &self.weights)
-    }
 }
 
 impl<const D: usize> Forward<D> {
@@ -80,6 +75,15 @@ impl<const D: usize> Forward<D> {
             .with_min_len(CHUNK)
             .map(|r| self.row(points, &embedded, rows, r, starts.get(r).copied().unwrap_or(NONE)))
             .collect()
+    }
+
+    /// Whether an entry of some row is so far from the row's own point that its average is searched on the whole surface.
+    pub fn reaches_far(&self, points: &[SurfacePoint], rows: &Stencils) -> bool {
+        (0..rows.len()).into_par_iter().with_min_len(CHUNK).any(|r| {
+            let (own, entries, _) = rows.row(r);
+            let y = self.embed(&points[own as usize]);
+            entries.iter().any(|&i| distance_squared(&y, &self.embed(&points[i as usize])) > FAR * FAR)
+        })
     }
 
     /// The average of one row.

@@ -60,7 +60,7 @@ fn is_ply(path: &Path) -> Result<bool> {
 pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let ply = is_ply(&arguments.output)?;
     check_outputs([arguments.output.as_path()])?;
-    let mut session = Session::start_on_cpu(common)?;
+    let mut session = Session::start(common)?;
     let mut surface = session.mesh(&arguments.mesh)?;
     let base = barymap::io::read_mesh(&arguments.base)?;
     for warning in &base.warnings {
@@ -75,7 +75,10 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     };
     let mut remesher = Remesher::new(surface.shape(), &base.mesh, &options)?;
     session.watch.lap("prepare");
-    remesher.frame();
+    if let Some(note) = remesher.compute_on(&session.engine)? {
+        session.warn(&note);
+    }
+    remesher.frame()?;
     session.watch.lap("remesh");
     let mesh = remesher.mesh();
     if ply {

@@ -3,6 +3,7 @@
 //! | kernel | what it does | reference |
 //! |---|---|---|
 //! | `average_anchors` | inverse problem and average | [`FusedWeights`](crate::surface::average::FusedWeights) |
+//! | `average_stencils` | averages of surface points, for subdivision and smoothing | [`Forward::averages`](crate::surface::forward::Forward::averages) |
 //! | `interpolate_field` | images of vertices, interpolated in R^12 | [`Field::interpolate`](crate::surface::field::Field::interpolate) |
 //! | `project_phong` | projection by walks over vertices and triangles | [`PhongSurface::project`](crate::surface::PhongSurface::project) |
 //! | `search_phong` | the first level of the search, for what the walks leave | the same |
@@ -10,6 +11,7 @@
 //! What they leave, a few points in a thousand, goes through the references.
 
 mod average_anchors;
+mod average_stencils;
 mod averages;
 mod interpolate_field;
 mod map;
@@ -18,6 +20,7 @@ mod tables;
 mod tile;
 
 pub use average_anchors::{AverageParams, BLOCK_ANCHORS};
+pub use average_stencils::{DeviceStencils, MOST_ROWS, StencilParams};
 pub use map::{DeviceMap, HostMap};
 pub use project_phong::{ProjectParams, Projected};
 pub use tables::SurfaceTables;
@@ -35,6 +38,7 @@ use crate::surface::packed::PointMap;
 /// The kernels of this folder.
 pub const KERNELS: &[&Kernel] = &[
     &average_anchors::AVERAGE_ANCHORS,
+    &average_stencils::AVERAGE_STENCILS,
     &interpolate_field::INTERPOLATE_FIELD,
     &project_phong::PROJECT_PHONG,
     &project_phong::PROJECT_PHONG_12,

@@ -44,6 +44,11 @@ impl Projected {
     pub const LEFT: u32 = 3;
     /// The bits of `found` that tell how.
     pub const HOW: u32 = 3;
+    /// A point that was found otherwise.
+    pub(super) fn of(point: crate::surface::PackedPoint) -> Self {
+        Self { face: point.face, b0: point.b0, b1: point.b1, distance_squared: 0.0, found: Found::Search as u32 }
+    }
+
     /// As the references give it; `None` if it was left to them.
     pub(super) fn projection(&self) -> Option<Projection<f32>> {
         let found = match self.found & Self::HOW {

@@ -7,7 +7,9 @@ use bytemuck::Pod;
 
 use super::project_phong::{ProjectParams, Projected, kernels};
 use super::tables::SurfaceTables;
-use crate::engine::{BindGroup, Buffer, Compaction, Gpu, Matching, Pipeline, ReadbackRing, Table, UniformBlocks};
+use crate::engine::{
+    Batch, BindGroup, Buffer, Compaction, Gpu, Matching, Pipeline, ReadbackRing, Table, UniformBlocks,
+};
 use crate::error::Result;
 use crate::surface::packed::PackedPoint;
 
@@ -46,7 +48,7 @@ pub(super) struct Tile {
 /// A projection: the walk, the compaction of what it leaves, the search.
 #[derive(Debug)]
 pub(super) struct Projection {
-    results: Buffer<Projected>,
+    pub(super) results: Buffer<Projected>,
     walk: (Arc<Pipeline>, BindGroup),
     left: Compaction,
     search: (Arc<Pipeline>, BindGroup),
@@ -84,9 +86,7 @@ impl Tile {
         }
         let stages = || [Some(&self.forward), self.back.as_ref()].into_iter().flatten();
         for p in stages() {
-            batch.dispatch(&p.walk.0, &p.walk.1, n)?;
-            p.left.record(&mut batch, n)?;
-            batch.dispatch(&p.search.0, &p.search.1, n)?;
+            p.record(&mut batch, n)?;
         }
         forward.push(batch, &self.forward.results, 0..n)?;
         if let (Some(ring), Some(p)) = (back, &self.back) {
@@ -110,6 +110,13 @@ impl Tile {
 }
 
 impl Projection {
+    /// The dispatches for the first `n` averages.
+    pub(super) fn record(&self, batch: &mut Batch<'_>, n: usize) -> Result<()> {
+        batch.dispatch(&self.walk.0, &self.walk.1, n)?;
+        self.left.record(batch, n)?;
+        batch.dispatch(&self.search.0, &self.search.1, n)
+    }
+
     /// Projects the `averages` of points of R^D, which the kernels read from there.
     pub(super) fn new<const D: usize, T: Pod>(
         gpu: &Gpu,

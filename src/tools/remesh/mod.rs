@@ -8,20 +8,26 @@
 mod measure;
 mod quads;
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use glam::DVec3;
 
 pub use measure::{Angles, Distances, EdgeLengths, Turned};
 
+use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::forward_in_dimension as in_dimension;
 use crate::geometry::{ClosestPoints, Mesh, NONE, SurfacePoint, Topology};
 use crate::surface::correspondence::Shape;
-use crate::surface::forward::{AnyForward, Average, Origin};
+use crate::surface::forward::{AnyForward, Origin};
+use crate::surface::gpu::{DeviceStencils, MOST_ROWS};
 use crate::surface::stencils::Stencils;
 use quads::{Polygons, Refined};
 
 /// Largest number of vertices of a result.
 const MOST_VERTICES: u64 = 1 << 24;
+/// Averages of a batch below which a device is not worth its while.
+const LEAST_ROWS: usize = 1024;
 /// Largest number of smoothing steps.
 const MOST_STEPS: u32 = 10_000;
 
@@ -73,6 +79,7 @@ pub struct Remesher<'a> {
     topology: &'a Topology,
     closest: ClosestPoints,
     forward: AnyForward,
+    device: Option<DeviceStencils>,
     name: String,
     base: Vec<SurfacePoint>,
     /// The vertices of the base mesh that are used, by their numbers there.
@@ -91,6 +98,9 @@ pub struct Remesher<'a> {
     stages: Vec<Vec<SurfacePoint>>,
     without_projection: usize,
 }
+
+/// The points after each of some steps, and a number of closest points.
+type Steps = (Vec<Vec<SurfacePoint>>, usize);
 
 /// What the result of a remeshing is like.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
@@ -190,6 +200,7 @@ impl<'a> Remesher<'a> {
             topology: shape.topology,
             closest,
             forward: AnyForward::new(shape)?,
+            device: None,
             name: base.name.clone(),
             base: points,
             used,
@@ -230,30 +241,55 @@ impl<'a> Remesher<'a> {
         Ok(())
     }
 
-    /// Computes all vertices, in batches on the CPU; each search begins where the same one of the frame before ended. The vertices come as points of the surface: those of the base mesh first, then the middles of edges and faces level by level.
+    /// Has large batches computed on the device of `engine` from now on, in single precision. Where there is a device that cannot do this work, the CPU goes on and the reason comes back, in one line.
     ///
-    /// About a microsecond an average: O(vertices (1 + steps)).
-    pub fn frame(&mut self) -> &[SurfacePoint] {
+    /// # Errors
+    /// As [`DeviceStencils::new`].
+    pub fn compute_on(&mut self, engine: &Engine) -> Result<Option<String>> {
+        self.device = None;
+        if engine.gpu().is_none() {
+            return Ok(None);
+        }
+        let finest = self.finest().vertices;
+        let surface = match &self.forward {
+            AnyForward::Eight(forward) if finest <= MOST_ROWS => forward.surface(),
+            AnyForward::Eight(_) => return Ok(Some(format!("more than {MOST_ROWS} vertices are remeshed on the CPU"))),
+            _ => return Ok(Some("the kernels work in 8 dimensions: the CPU remeshes".into())),
+        };
+        if let Some(why) = DeviceStencils::obstacle(engine, 8) {
+            return Ok(Some(format!("the CPU remeshes: {why}")));
+        }
+        self.device = Some(DeviceStencils::new(engine, &surface.cast())?);
+        Ok(None)
+    }
+
+    /// Computes all vertices, in batches; each search begins where the same one of the frame before ended. The vertices come as points of the surface: those of the base mesh first, then the middles of edges and faces level by level.
+    ///
+    /// About a microsecond an average on the CPU: O(vertices (1 + steps)).
+    ///
+    /// # Errors
+    /// Those of the device, where there is one ([`Self::compute_on`]).
+    pub fn frame(&mut self) -> Result<&[SurfacePoint]> {
         let mut stages: Vec<Vec<SurfacePoint>> = Vec::with_capacity(self.levels.len() + self.steps as usize);
         let mut without = 0;
         let mut now = self.base.clone();
         for (k, level) in self.levels.iter().enumerate() {
-            let starts: Vec<u32> =
-                self.stages.get(k).map(|s| s[now.len()..].iter().map(|p| p.face).collect()).unwrap_or_default();
-            let found = self.batch(&now, &level.rows, &starts);
-            without += found.iter().filter(|a| a.origin == Origin::Closest).count();
-            now.extend(found.iter().map(|a| a.point));
+            let before = self.stages.get(k).and_then(|s| s.get(now.len()..)).unwrap_or_default();
+            let (found, closest) = self.batch(&now, &level.rows, before, 1)?;
+            without += closest;
+            now.extend(found.into_iter().flatten());
             stages.push(now.clone());
         }
         let mut rest_lengths = Vec::new();
-        for k in 0..self.steps as usize {
-            let starts: Vec<u32> =
-                self.stages.get(self.levels.len() + k).map(|s| s.iter().map(|p| p.face).collect()).unwrap_or_default();
-            let Some((found, c)) = self.smoothed(&now, &starts) else { break };
-            without = found.iter().filter(|a| a.origin == Origin::Closest).count();
-            now = found.iter().map(|a| a.point).collect();
-            rest_lengths.push(c);
-            stages.push(now.clone());
+        // Steps that are known beforehand are sent together.
+        let together = if self.evenness == Evenness::Fixed(0.0) { self.steps as usize } else { 1 };
+        while rest_lengths.len() < self.steps as usize {
+            let before = self.stages.get(self.levels.len() + rest_lengths.len()).map_or(&[][..], |s| s);
+            let Some(((found, closest), c)) = self.smoothed(&now, before, together)? else { break };
+            without = closest;
+            rest_lengths.resize(rest_lengths.len() + found.len(), c);
+            stages.extend(found);
+            now = stages.last().map_or(now, Clone::clone);
         }
         self.rest_lengths = rest_lengths;
         self.without_projection = without;
@@ -261,24 +297,29 @@ impl<'a> Remesher<'a> {
             stages.push(now);
         }
         self.stages = stages;
-        self.stages.last().map_or(&self.base, |s| s)
+        Ok(self.stages.last().map_or(&self.base, |s| s))
     }
 
-    /// One step, and the rest length it was done with; `None` where no step lowers the variance.
-    fn smoothed(&self, points: &[SurfacePoint], starts: &[u32]) -> Option<(Vec<Average>, f64)> {
-        match self.evenness {
-            Evenness::Fixed(c) => Some((self.batch(points, &self.pulls(points, c, 1.0), starts), c)),
-            Evenness::Auto => {
-                let variance = |p: &[DVec3]| measure::edge_lengths(&self.edges, p).variance;
-                let before = variance(&self.positions(points));
-                TRIED.iter().enumerate().find_map(|(k, &c)| {
-                    let part = if k + 1 == TRIED.len() { SHORT } else { 1.0 };
-                    let found = self.batch(points, &self.pulls(points, c, part), starts);
-                    let after: Vec<DVec3> = found.iter().map(|a| a.point.position(self.mesh)).collect();
-                    (variance(&after) < before).then_some((found, c))
-                })
+    /// Some steps, and the rest length they were done with; `None` where no step lowers the variance.
+    fn smoothed(
+        &self,
+        points: &[SurfacePoint],
+        before: &[SurfacePoint],
+        together: usize,
+    ) -> Result<Option<(Steps, f64)>> {
+        if let Evenness::Fixed(c) = self.evenness {
+            return Ok(Some((self.batch(points, &self.pulls(points, c, 1.0), before, together)?, c)));
+        }
+        let variance = |p: &[SurfacePoint]| measure::edge_lengths(&self.edges, &self.positions(p)).variance;
+        let now = variance(points);
+        for (k, &c) in TRIED.iter().enumerate() {
+            let part = if k + 1 == TRIED.len() { SHORT } else { 1.0 };
+            let steps = self.batch(points, &self.pulls(points, c, part), before, 1)?;
+            if steps.0.last().is_some_and(|p| variance(p) < now) {
+                return Ok(Some((steps, c)));
             }
         }
+        Ok(None)
     }
 
     /// The averages of a step with rest length `c`, and `part` of its length.
@@ -297,8 +338,39 @@ impl<'a> Remesher<'a> {
         rows
     }
 
-    fn batch(&self, points: &[SurfacePoint], rows: &Stencils, starts: &[u32]) -> Vec<Average> {
-        in_dimension!(&self.forward, forward => forward.averages(points, rows, starts))
+    /// The points after each of some steps of the same averages, and how many of the last are closest points for want of a projection. `before` has points where searches may begin.
+    fn batch(&self, points: &[SurfacePoint], rows: &Stencils, before: &[SurfacePoint], steps: usize) -> Result<Steps> {
+        in_dimension!(&self.forward, forward => {
+            if let Some(device) = &self.device
+                && rows.len() >= LEAST_ROWS
+                && !forward.reaches_far(points, rows)
+            {
+                let closest = AtomicUsize::new(0);
+                let rest = |points: &[SurfacePoint], r: usize| {
+                    let found = forward.average_row(points, rows, r, NONE);
+                    closest.fetch_add(usize::from(found.origin == Origin::Closest), Ordering::Relaxed);
+                    found.point
+                };
+                let own: Vec<SurfacePoint>;
+                let begin = if before.len() == rows.len() {
+                    before
+                } else {
+                    own = (0..rows.len()).map(|r| points[rows.row(r).0 as usize]).collect();
+                    &own
+                };
+                let found = device.steps(points, rows, begin, steps, &rest)?;
+                return Ok((found, closest.into_inner() / steps.max(1)));
+            }
+            let mut all: Vec<Vec<SurfacePoint>> = Vec::with_capacity(steps);
+            let mut closest = 0;
+            for _ in 0..steps {
+                let starts: Vec<u32> = before.iter().map(|p| p.face).collect();
+                let found = forward.averages(all.last().map_or(points, |p| p), rows, &starts);
+                closest = found.iter().filter(|a| a.origin == Origin::Closest).count();
+                all.push(found.iter().map(|a| a.point).collect());
+            }
+            Ok((all, closest))
+        })
     }
 
     fn finest(&self) -> &Polygons {
