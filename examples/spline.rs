@@ -42,10 +42,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let find = |points: &[DVec3]| -> Vec<SurfacePoint> {
         points.iter().filter_map(|p| closest.nearest(*p)).map(|(p, _)| p).collect()
     };
-    let belt: Vec<DVec3> = (0..10)
+    let belt: Vec<DVec3> = (0..10u32)
         .map(|i| {
             let a = std::f64::consts::TAU * f64::from(i) / 10.0;
-            place(0.25 * a.sin(), if i % 2 == 0 { 0.4 } else { 0.6 }, 0.25 * a.cos())
+            place(0.25 * a.sin(), if i.is_multiple_of(2) { 0.4 } else { 0.6 }, 0.25 * a.cos())
         })
         .collect();
     let far: Vec<DVec3> = [(-0.5, 0.7, 0.0), (0.1, 0.1, 0.4), (0.0, 1.1, 0.2), (0.5, 0.7, 0.0), (0.1, 0.3, -0.4)]

@@ -42,7 +42,7 @@ fn cube() -> Mesh {
 /// A ring of `n` by `m` quads about a torus, its rings moved a little along it by turns, so that there is something to smooth.
 fn ring(n: u32, m: u32) -> Mesh {
     let at = |i: u32, j: u32| {
-        let a = TAU * (f64::from(i) + if i % 2 == 0 { 0.2 } else { -0.2 }) / f64::from(n);
+        let a = TAU * (f64::from(i) + if i.is_multiple_of(2) { 0.2 } else { -0.2 }) / f64::from(n);
         let b = TAU * f64::from(j) / f64::from(m);
         DVec3::new((1.0 + 0.4 * b.cos()) * a.cos(), (1.0 + 0.4 * b.cos()) * a.sin(), 0.4 * b.sin())
     };

@@ -32,7 +32,7 @@ impl Model {
     fn around(&self, count: usize, tilt: f64) -> Vec<SurfacePoint> {
         let at = |i: usize| {
             let a = TAU * i as f64 / count as f64;
-            let z = if i % 2 == 0 { tilt } else { -tilt };
+            let z = if i.is_multiple_of(2) { tilt } else { -tilt };
             DVec3::new(a.cos() * z.cos(), z.sin(), a.sin() * z.cos())
         };
         self.nearest(&(0..count).map(at).collect::<Vec<_>>())
