@@ -5,10 +5,14 @@ use crate::error::{Error, Result};
 use crate::geometry::{NONE, SurfacePoint};
 
 use super::correspondence::Shape;
-use super::field::closest::ClosestOnSurface;
+use super::field::closest::{ClosestOnSurface, FLAT};
 use super::project::{Found, Projection, SearchLimits};
 use super::vector::{Vector, add_scaled};
 use super::{NearestVertex, PhongSurface};
+
+/// A projection this many mean edges farther than `FARTHER` times the closest point is one onto another part of the surface.
+const GUARD: f64 = 0.5;
+const FARTHER: f64 = 1.5;
 
 /// Which definition a weighted average follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,7 +21,7 @@ pub enum Origin {
     Planar,
     /// The Phong projection of the average in the embedding (Definition 2).
     Projection,
-    /// The closest point of the embedded surface: there is no Phong projection, as beyond the boundary of an open mesh.
+    /// The closest point of the embedded surface: there is no Phong projection near, as beyond the boundary of an open mesh.
     Closest,
 }
 
@@ -99,25 +103,32 @@ impl<const D: usize> Forward<D> {
 
     /// The point of a surface that a point of R^D stands for: its Phong projection, else the closest point.
     ///
-    /// With a triangle `start` near the result (a warm start: paper, section 3.3) the search begins there and takes about a microsecond; with [`NONE`] at the exactly nearest vertex.
+    /// With a triangle `start` near the result (a warm start: paper, section 3.3) the search begins there and takes about a microsecond; with [`NONE`] at the exactly nearest vertex. A projection much farther away than
+    /// the closest point lies on another part of the surface and does not count.
     pub fn project(&self, mean: &Vector<f64, D>, start: u32) -> Average {
-        let projection = if start == NONE {
-            let v = self.nearest.find(mean);
-            self.surface.project(mean, &[v], SearchLimits::SECOND)
+        let corners = if start == NONE {
+            [self.nearest.find(mean), NONE, NONE]
         } else {
-            self.surface.project_near(mean, start, &self.surface.triangles[start as usize].v)
+            self.surface.triangles[start as usize].v
         };
-        if projection.found != Found::Nothing {
+        let projection = if start == NONE {
+            self.surface.project(mean, &corners, SearchLimits::SECOND)
+        } else {
+            self.surface.project_near(mean, start, &corners)
+        };
+        let found = projection.found != Found::Nothing;
+        if found && projection.distance_squared <= GUARD * GUARD {
             return average(&projection, Origin::Projection);
         }
-        match ClosestOnSurface::new(&self.surface, &self.nearest).find(mean) {
-            Some(c) => Average {
-                point: SurfacePoint::new(c.face, c.x),
-                origin: Origin::Closest,
-                distance_squared: c.distance_squared,
-            },
-            None => average(&projection, Origin::Closest),
+        let vertex = self.surface.nearest_of(mean, &corners);
+        let Some(c) = ClosestOnSurface::new(&self.surface, &self.nearest).near((mean, &FLAT), vertex) else {
+            return average(&projection, Origin::Closest);
+        };
+        if found && projection.distance_squared.sqrt() <= FARTHER * c.distance_squared.sqrt() + GUARD {
+            return average(&projection, Origin::Projection);
         }
+        let point = SurfacePoint::new(c.face, c.x);
+        Average { point, origin: Origin::Closest, distance_squared: c.distance_squared }
     }
 
     /// The weighted average of surface points; the weights sum to one. `start` as for [`Self::project`].

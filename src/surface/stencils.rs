@@ -64,17 +64,12 @@ impl Stencils {
 }
 
 impl<const D: usize> Forward<D> {
-    /// The averages of all rows, in parallel. `starts` names triangles where the searches begin, as the results for points that have moved little since; [`NONE`] or no entry for the
-    /// triangle of the row's own point. O(rows).
+    /// The averages of all rows, in parallel. Each search begins at the row's own point, or where that is far off everywhere. O(rows).
     ///
     /// The same, bit for bit, as [`Self::average_row`] for each row, for any number of threads.
-    pub fn averages(&self, points: &[SurfacePoint], rows: &Stencils, starts: &[u32]) -> Vec<Average> {
+    pub fn averages(&self, points: &[SurfacePoint], rows: &Stencils) -> Vec<Average> {
         let embedded: Vec<Vector<f64, D>> = points.par_iter().with_min_len(CHUNK).map(|p| self.embed(p)).collect();
-        (0..rows.len())
-            .into_par_iter()
-            .with_min_len(CHUNK)
-            .map(|r| self.row(points, &embedded, rows, r, starts.get(r).copied().unwrap_or(NONE)))
-            .collect()
+        (0..rows.len()).into_par_iter().with_min_len(CHUNK).map(|r| self.row(points, &embedded, rows, r)).collect()
     }
 
     /// Whether an entry of some row is so far from the row's own point that its average is searched on the whole surface.
@@ -87,7 +82,7 @@ impl<const D: usize> Forward<D> {
     }
 
     /// The average of one row.
-    pub fn average_row(&self, points: &[SurfacePoint], rows: &Stencils, r: usize, start: u32) -> Average {
+    pub fn average_row(&self, points: &[SurfacePoint], rows: &Stencils, r: usize) -> Average {
         let (own, entries, weights) = rows.row(r);
         let (local, embedded): (Vec<SurfacePoint>, Vec<Vector<f64, D>>) =
             [own].iter().chain(entries).map(|&i| (points[i as usize], self.embed(&points[i as usize]))).unzip();
@@ -97,17 +92,10 @@ impl<const D: usize> Forward<D> {
             entries: (1..=entries.len() as u32).collect(),
             weights: weights.to_vec(),
         };
-        self.row(&local, &embedded, &one, 0, start)
+        self.row(&local, &embedded, &one, 0)
     }
 
-    fn row(
-        &self,
-        points: &[SurfacePoint],
-        embedded: &[Vector<f64, D>],
-        rows: &Stencils,
-        r: usize,
-        start: u32,
-    ) -> Average {
+    fn row(&self, points: &[SurfacePoint], embedded: &[Vector<f64, D>], rows: &Stencils, r: usize) -> Average {
         let (own, entries, weights) = rows.row(r);
         let rest = 1.0 - weights.iter().sum::<f64>();
         // What rounding leaves of a weight of zero would only keep the average from being planar.
@@ -132,13 +120,8 @@ impl<const D: usize> Forward<D> {
                 *m += w * y;
             }
         }
-        let far = || distance_squared(&mean, &embedded[own as usize]) > FAR * FAR;
-        let begin = match start {
-            NONE if far() => NONE,
-            NONE => own_point.face,
-            start => start,
-        };
-        self.project(&mean, begin)
+        let far = distance_squared(&mean, &embedded[own as usize]) > FAR * FAR;
+        self.project(&mean, if far { NONE } else { own_point.face })
     }
 }
 
@@ -171,23 +154,15 @@ mod tests {
             for r in 0..400u32 {
                 rows.push(r, (0..r % 6).map(|k| (r * 7 + k * 13) % 500), sum);
             }
-            let batch = forward.averages(&points, &rows, &[]);
-            let one: Vec<Average> = (0..400).map(|r| forward.average_row(&points, &rows, r, NONE)).collect();
+            let batch = forward.averages(&points, &rows);
+            let one: Vec<Average> = (0..400).map(|r| forward.average_row(&points, &rows, r)).collect();
             assert_eq!(batch, one);
             // Rows without entries are their own points.
             assert_eq!(batch[6].point, points[6]);
             // The comparison rejects an average with other weights.
             let mut wrong = rows.clone();
             wrong.scale(|_, _| 0.99);
-            assert_ne!(forward.averages(&points, &wrong, &[]), batch);
-            // Begun at the results it comes to them again.
-            let starts: Vec<u32> = batch.iter().map(|a| a.point.face).collect();
-            let again = forward.averages(&points, &rows, &starts);
-            let same = batch
-                .iter()
-                .zip(&again)
-                .filter(|(a, b)| a.point.position(&mesh).distance(b.point.position(&mesh)) < 1e-9);
-            assert!(same.count() > 390);
+            assert_ne!(forward.averages(&points, &wrong), batch);
         }
     }
 }

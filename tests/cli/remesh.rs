@@ -148,3 +148,17 @@ fn bad_input_is_refused_in_one_paragraph() {
     f.write("b.obj", &between);
     f.run("remesh two.obj --base b.obj -o q.obj").fails(1, &["corners on components 0 and 1"]);
 }
+
+#[test]
+fn a_base_mesh_is_made_where_none_is_given() {
+    let f = sphere();
+    let ran =
+        f.run("remesh s.obj --base auto --base-vertices 60 --levels 2 --smooth 3 -o q.obj --report r.json").succeeds();
+    assert!(ran.stdout.contains("0 inverted"), "{}", ran.stdout);
+    let report = f.json("r.json");
+    assert_eq!(report["remesh"]["snap_largest"], 0.0);
+    let v = variances(&report);
+    assert!(v.len() == 4 && v.windows(2).all(|w| w[1] < w[0]), "{v:?}");
+    lies_on(&read_mesh(f.path("q.obj")).unwrap().mesh, &read_mesh(f.path("s.obj")).unwrap().mesh);
+    f.run("remesh s.obj --base auto --base-vertices 2 -o q.obj").fails(2, &["--base-vertices"]);
+}

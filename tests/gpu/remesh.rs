@@ -60,7 +60,7 @@ fn rows(count: usize, own: f64) -> Stencils {
 
 /// The share of rows whose averages are farther apart than single precision explains.
 fn apart(model: &Model, forward: &Forward<8>, points: &[SurfacePoint], rows: &Stencils, found: &[SurfacePoint]) -> f64 {
-    let truth = forward.averages(points, rows, &[]);
+    let truth = forward.averages(points, rows);
     let off = truth.iter().zip(found).filter(|(a, b)| model.distance(&a.point, b) > 1e-3).count();
     off as f64 / truth.len().max(1) as f64
 }
@@ -69,7 +69,7 @@ fn apart(model: &Model, forward: &Forward<8>, points: &[SurfacePoint], rows: &St
 fn averages_agree_with_double_precision() {
     let model = Model::new();
     let forward = Forward::<8>::new(model.shape()).unwrap();
-    let rest = |points: &[SurfacePoint], rows: &Stencils, r: usize| forward.average_row(points, rows, r, NONE).point;
+    let rest = |points: &[SurfacePoint], rows: &Stencils, r: usize| forward.average_row(points, rows, r).point;
     for engine in [engine(), downlevel()].into_iter().flatten() {
         let device = DeviceStencils::new(engine, &forward.surface().cast()).unwrap();
         // Awkward sizes; several steps only where rows and points are as many.
@@ -111,7 +111,7 @@ fn what_the_kernels_leave_is_found_by_the_reference_in_every_step() {
     let asked = std::sync::atomic::AtomicUsize::new(0);
     let rest = |p: &[SurfacePoint], r: usize| {
         asked.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
-        forward.average_row(p, &rows, r, NONE).point
+        forward.average_row(p, &rows, r).point
     };
     let steps = device.steps(&points, &rows, &points, 3, &rest).unwrap();
     let mut before = points.clone();

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use barymap::Result;
-use barymap::tools::remesh::{Evenness, RemeshOptions, RemeshReport, Remesher};
+use barymap::tools::remesh::{Evenness, RemeshOptions, RemeshReport, Remesher, automatic_base};
 use serde_json::json;
 
 use crate::common::{Common, EmbeddingArguments, Session, check_outputs, usage};
@@ -15,9 +15,12 @@ const FAR: f64 = 0.1;
 pub(crate) struct Arguments {
     /// The mesh
     mesh: PathBuf,
-    /// The coarse mesh, best of quads, near the mesh: OBJ, PLY, OFF; its vertices are moved onto the mesh
+    /// The coarse mesh, best of quads, near the mesh: OBJ, PLY, OFF; its vertices are moved onto the mesh. `auto` makes one by decimation and pairs of triangles
     #[arg(long)]
     base: PathBuf,
+    /// Vertices of the base mesh that `auto` makes
+    #[arg(long, default_value_t = 300)]
+    base_vertices: usize,
     /// Times every quad is split into four
     #[arg(long, default_value_t = RemeshOptions::default().levels)]
     levels: u32,
@@ -62,10 +65,15 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     check_outputs([arguments.output.as_path()])?;
     let mut session = Session::start(common)?;
     let mut surface = session.mesh(&arguments.mesh)?;
-    let base = barymap::io::read_mesh(&arguments.base)?;
-    for warning in &base.warnings {
-        session.warn(&format!("{}: {warning}", arguments.base.display()));
-    }
+    let base = if arguments.base.as_os_str() == "auto" {
+        automatic_base(&surface.mesh, &surface.topology, arguments.base_vertices)?
+    } else {
+        let base = barymap::io::read_mesh(&arguments.base)?;
+        for warning in &base.warnings {
+            session.warn(&format!("{}: {warning}", arguments.base.display()));
+        }
+        base.mesh
+    };
     session.embed(&mut surface, &arguments.embedding.options())?;
     let options = RemeshOptions {
         levels: arguments.levels,
@@ -73,7 +81,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         step: arguments.step,
         evenness: arguments.even,
     };
-    let mut remesher = Remesher::new(surface.shape(), &base.mesh, &options)?;
+    let mut remesher = Remesher::new(surface.shape(), &base, &options)?;
     session.watch.lap("prepare");
     if let Some(note) = remesher.compute_on(&session.engine)? {
         session.warn(&note);

@@ -8,10 +8,10 @@ use crate::surface::vector::{Vector, combine, distance_squared, dot, sub};
 use crate::surface::{NearestVertex, PhongSurface};
 
 /// A weighted normal, the fourth component zero.
-pub(super) type Normal = Vector<f64, 4>;
+pub(in crate::surface) type Normal = Vector<f64, 4>;
 
 /// A point whose normal does not count.
-pub(super) const FLAT: Normal = [0.0; 4];
+pub(in crate::surface) const FLAT: Normal = [0.0; 4];
 
 /// A closest point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,7 +23,7 @@ pub(in crate::surface) struct Closest {
 }
 
 /// A point of R^K and its normal.
-type Place<'a, const K: usize> = (&'a Vector<f64, K>, &'a Normal);
+pub(in crate::surface) type Place<'a, const K: usize> = (&'a Vector<f64, K>, &'a Normal);
 
 /// Answers closest point queries on a surface in R^K.
 #[derive(Debug)]
@@ -62,7 +62,7 @@ impl<'a, const K: usize> ClosestOnSurface<'a, K> {
 
     /// The same from the vertex that a walk from `start` comes to, several times as fast: the closest point of the same part of the surface, for points that have moved little. An unknown
     /// start (`NONE`) is the nearest vertex, normals aside.
-    pub(super) fn near(&self, place: Place<'_, K>, start: u32) -> Option<Closest> {
+    pub(in crate::surface) fn near(&self, place: Place<'_, K>, start: u32) -> Option<Closest> {
         if !finite(place) {
             return None;
         }

@@ -5,6 +5,7 @@
 //!
 //! Each corner of a face that is no quad becomes a quad in the first level, as in the scheme of Catmull and Clark 1978.
 
+mod base;
 mod measure;
 mod quads;
 
@@ -12,6 +13,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
 
+pub use base::automatic_base;
 pub use measure::{Angles, Distances, EdgeLengths, Turned};
 
 use crate::engine::Engine;
@@ -94,7 +96,7 @@ pub struct Remesher<'a> {
     evenness: Evenness,
     /// The rest lengths of the last frame's steps.
     rest_lengths: Vec<f64>,
-    /// The points after each level and each step of the frame before, from which the searches of the next begin.
+    /// The points after each level and each step of the last frame.
     stages: Vec<Vec<SurfacePoint>>,
     without_projection: usize,
 }
@@ -263,7 +265,7 @@ impl<'a> Remesher<'a> {
         Ok(None)
     }
 
-    /// Computes all vertices, in batches; each search begins where the same one of the frame before ended. The vertices come as points of the surface: those of the base mesh first, then the middles of edges and faces level by level.
+    /// Computes all vertices, in batches; each search begins at one of the points that are averaged. The vertices come as points of the surface: those of the base mesh first, then the middles of edges and faces level by level.
     ///
     /// About a microsecond an average on the CPU: O(vertices (1 + steps)).
     ///
@@ -273,9 +275,8 @@ impl<'a> Remesher<'a> {
         let mut stages: Vec<Vec<SurfacePoint>> = Vec::with_capacity(self.levels.len() + self.steps as usize);
         let mut without = 0;
         let mut now = self.base.clone();
-        for (k, level) in self.levels.iter().enumerate() {
-            let before = self.stages.get(k).and_then(|s| s.get(now.len()..)).unwrap_or_default();
-            let (found, closest) = self.batch(&now, &level.rows, before, 1)?;
+        for level in &self.levels {
+            let (found, closest) = self.batch(&now, &level.rows, 1)?;
             without += closest;
             now.extend(found.into_iter().flatten());
             stages.push(now.clone());
@@ -284,8 +285,7 @@ impl<'a> Remesher<'a> {
         // Steps that are known beforehand are sent together.
         let together = if self.evenness == Evenness::Fixed(0.0) { self.steps as usize } else { 1 };
         while rest_lengths.len() < self.steps as usize {
-            let before = self.stages.get(self.levels.len() + rest_lengths.len()).map_or(&[][..], |s| s);
-            let Some(((found, closest), c)) = self.smoothed(&now, before, together)? else { break };
+            let Some(((found, closest), c)) = self.smoothed(&now, together)? else { break };
             without = closest;
             rest_lengths.resize(rest_lengths.len() + found.len(), c);
             stages.extend(found);
@@ -301,20 +301,15 @@ impl<'a> Remesher<'a> {
     }
 
     /// Some steps, and the rest length they were done with; `None` where no step lowers the variance.
-    fn smoothed(
-        &self,
-        points: &[SurfacePoint],
-        before: &[SurfacePoint],
-        together: usize,
-    ) -> Result<Option<(Steps, f64)>> {
+    fn smoothed(&self, points: &[SurfacePoint], together: usize) -> Result<Option<(Steps, f64)>> {
         if let Evenness::Fixed(c) = self.evenness {
-            return Ok(Some((self.batch(points, &self.pulls(points, c, 1.0), before, together)?, c)));
+            return Ok(Some((self.batch(points, &self.pulls(points, c, 1.0), together)?, c)));
         }
         let variance = |p: &[SurfacePoint]| measure::edge_lengths(&self.edges, &self.positions(p)).variance;
         let now = variance(points);
         for (k, &c) in TRIED.iter().enumerate() {
             let part = if k + 1 == TRIED.len() { SHORT } else { 1.0 };
-            let steps = self.batch(points, &self.pulls(points, c, part), before, 1)?;
+            let steps = self.batch(points, &self.pulls(points, c, part), 1)?;
             if steps.0.last().is_some_and(|p| variance(p) < now) {
                 return Ok(Some((steps, c)));
             }
@@ -338,8 +333,8 @@ impl<'a> Remesher<'a> {
         rows
     }
 
-    /// The points after each of some steps of the same averages, and how many of the last are closest points for want of a projection. `before` has points where searches may begin.
-    fn batch(&self, points: &[SurfacePoint], rows: &Stencils, before: &[SurfacePoint], steps: usize) -> Result<Steps> {
+    /// The points after each of some steps of the same averages, and how many of the last are closest points for want of a projection.
+    fn batch(&self, points: &[SurfacePoint], rows: &Stencils, steps: usize) -> Result<Steps> {
         in_dimension!(&self.forward, forward => {
             if let Some(device) = &self.device
                 && rows.len() >= LEAST_ROWS
@@ -347,25 +342,18 @@ impl<'a> Remesher<'a> {
             {
                 let closest = AtomicUsize::new(0);
                 let rest = |points: &[SurfacePoint], r: usize| {
-                    let found = forward.average_row(points, rows, r, NONE);
+                    let found = forward.average_row(points, rows, r);
                     closest.fetch_add(usize::from(found.origin == Origin::Closest), Ordering::Relaxed);
                     found.point
                 };
-                let own: Vec<SurfacePoint>;
-                let begin = if before.len() == rows.len() {
-                    before
-                } else {
-                    own = (0..rows.len()).map(|r| points[rows.row(r).0 as usize]).collect();
-                    &own
-                };
-                let found = device.steps(points, rows, begin, steps, &rest)?;
+                let begin: Vec<SurfacePoint> = (0..rows.len()).map(|r| points[rows.row(r).0 as usize]).collect();
+                let found = device.steps(points, rows, &begin, steps, &rest)?;
                 return Ok((found, closest.into_inner() / steps.max(1)));
             }
             let mut all: Vec<Vec<SurfacePoint>> = Vec::with_capacity(steps);
             let mut closest = 0;
             for _ in 0..steps {
-                let starts: Vec<u32> = before.iter().map(|p| p.face).collect();
-                let found = forward.averages(all.last().map_or(points, |p| p), rows, &starts);
+                let found = forward.averages(all.last().map_or(points, |p| p), rows);
                 closest = found.iter().filter(|a| a.origin == Origin::Closest).count();
                 all.push(found.iter().map(|a| a.point).collect());
             }
@@ -415,12 +403,12 @@ impl<'a> Remesher<'a> {
         }
     }
 
-    /// The same averages as the last frame (with fixed evenness), one by one and without any warm start, for comparison.
+    /// The same averages as the last frame (with fixed evenness), one by one, for comparison.
     pub fn one_by_one(&self) -> Vec<SurfacePoint> {
         let mut now = self.base.clone();
         let one = |points: &[SurfacePoint], rows: &Stencils| -> Vec<SurfacePoint> {
             in_dimension!(&self.forward, forward => {
-                (0..rows.len()).map(|r| forward.average_row(points, rows, r, NONE).point).collect()
+                (0..rows.len()).map(|r| forward.average_row(points, rows, r).point).collect()
             })
         };
         for level in &self.levels {

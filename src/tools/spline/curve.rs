@@ -87,6 +87,13 @@ impl<'a, const D: usize> Curve<'a, D> {
         parameters.par_chunks(CHUNK).flat_map_iter(chunk).collect()
     }
 
+    /// Length of the control polygon, in mean edges.
+    pub(super) fn length(&self) -> f64 {
+        let (n, closed) = (self.embedded.len(), self.layout.closed);
+        let step = |i: usize| distance_squared(&self.embedded[i], &self.embedded[(i + 1) % n]).sqrt();
+        (0..if closed { n } else { n - 1 }).map(step).sum()
+    }
+
     /// The largest distance of two neighbouring control points, in mean edges.
     pub(super) fn widest(&self) -> f64 {
         let (n, closed) = (self.embedded.len(), self.layout.closed);

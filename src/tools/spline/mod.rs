@@ -30,6 +30,8 @@ use layout::Layout;
 
 /// Largest number of samples.
 const MOST_SAMPLES: usize = 10_000_000;
+/// Points that a curve may be expected to take.
+const MOST_POINTS: f64 = 3e7;
 /// Smallest tolerance, in diagonals of the mesh.
 const LEAST_TOLERANCE: f64 = 1e-9;
 /// Control points of a subdivided curve at most.
@@ -159,9 +161,17 @@ impl<'a> SplineSurface<'a> {
     /// [`Error::Option`] for options out of range; [`Error::Input`] naming the control point: too few, not on the mesh, on another component than the first, or not finite.
     pub fn trace(&self, controls: &[SurfacePoint], options: &SplineOptions) -> Result<SurfaceCurve> {
         let layout = self.check(controls, options)?;
+        let tolerance = options.tolerance * self.diagonal;
         Ok(in_dimension!(&self.prepared, forward => {
             let (curve, levels) = self.curve(forward, layout, controls, options.evaluation);
-            let trace = trace::trace(&curve, options.samples, options.tolerance * self.diagonal);
+            // Two points an edge, and more where the tolerance is far below the bend of a piece as long as an edge.
+            let edges = curve.length();
+            let expected = edges * (2.0 + 0.5 / (tolerance / self.mesh.mean_edge_length()).sqrt());
+            if expected > MOST_POINTS {
+                let what = format!("a curve as long as {edges:.0} edges of the mesh would take about {expected:.0e} points");
+                return Err(Error::option("--tolerance", what, "Give a larger one, or fewer control points"));
+            }
+            let trace = trace::trace(&curve, options.samples, tolerance);
             let spans = curve.layout.spans();
             let point = |s: &Sample| point(s, spans);
             SurfaceCurve {

@@ -218,6 +218,10 @@ fn bad_input_is_named() {
         assert!(message.contains(expected), "{message:?} lacks {expected:?}");
     }
     assert!(surface.points(&good, &d, &[0.5, 1.5]).unwrap_err().to_string().contains("1.5"));
+    // A curve that would take more memory than there is.
+    let long: Vec<SurfacePoint> = (0..200_000).map(|i| p(i * 7919 % 320)).collect();
+    let message = surface.trace(&long, &SplineOptions { tolerance: 1e-9, ..d }).unwrap_err().to_string();
+    assert!(message.contains("fewer control points"), "{message}");
     // All control points the same: a curve of no length, not a fault.
     let still = surface.trace(&[p(7); 5], &d).unwrap();
     assert!(still.length() < 1e-12 && still.jumps.is_empty());
