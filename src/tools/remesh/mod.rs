@@ -19,7 +19,7 @@ pub use measure::{Angles, Distances, EdgeLengths, Turned};
 use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::forward_in_dimension as in_dimension;
-use crate::geometry::{ClosestPoints, Mesh, NONE, SurfacePoint, Topology};
+use crate::geometry::{ClosestPoints, Mesh, SurfacePoint, Topology};
 use crate::surface::correspondence::Shape;
 use crate::surface::forward::{AnyForward, Origin};
 use crate::surface::gpu::{DeviceStencils, MOST_ROWS};
