@@ -1,7 +1,7 @@
 use std::f64::consts::TAU;
 
 use super::*;
-use crate::geometry::{Corner, MeshBuilder};
+use crate::geometry::{Corner, MeshBuilder, NONE};
 use crate::models::shapes::{Diagonal, icosphere, plane_grid, torus};
 use crate::surface::{Embedding, EmbeddingOptions};
 
