@@ -162,3 +162,21 @@ fn a_base_mesh_is_made_where_none_is_given() {
     lies_on(&read_mesh(f.path("q.obj")).unwrap().mesh, &read_mesh(f.path("s.obj")).unwrap().mesh);
     f.run("remesh s.obj --base auto --base-vertices 2 -o q.obj").fails(2, &["--base-vertices"]);
 }
+
+#[test]
+#[ignore = "needs BARYMAP_DATA"]
+fn a_real_mesh_gets_quads() {
+    let f = Folder::empty();
+    let horse = std::path::PathBuf::from(std::env::var("BARYMAP_DATA").unwrap()).join("mesh/horse_8k.obj");
+    let horse = horse.to_str().unwrap();
+    let command = format!("remesh {horse} --base auto --landmarks 600 --levels 2 --smooth 5 -o q.obj --report r.json");
+    f.run(&command).succeeds();
+    let report = f.json("r.json");
+    let v = variances(&report);
+    assert!(v.len() == 6 && v.windows(2).all(|w| w[1] < w[0]), "{v:?}");
+    let r = &report["remesh"];
+    // Thin parts ask for more than three hundred vertices; a few quads are turned over there.
+    let inverted = r["turned"][1]["inverted"].as_u64().unwrap();
+    assert!(20 * inverted < r["faces"].as_u64().unwrap(), "{inverted}");
+    lies_on(&read_mesh(f.path("q.obj")).unwrap().mesh, &read_mesh(horse).unwrap().mesh);
+}

@@ -184,3 +184,37 @@ fn open_meshes_and_single_faces_have_curves_too() {
         assert!(p.distance(planar(i as f64 / 100.0)) < 1e-9, "{i}");
     }
 }
+
+#[test]
+#[ignore = "needs BARYMAP_DATA"]
+fn curves_on_a_real_mesh_are_whole() {
+    let f = Folder::empty();
+    let horse = std::path::PathBuf::from(std::env::var("BARYMAP_DATA").unwrap()).join("mesh/horse_8k.obj");
+    let mesh = read_mesh(&horse).unwrap().mesh;
+    // Around the trunk: the points that lie farthest in directions about the middle.
+    let (low, high) = mesh.bounds().unwrap();
+    let d = high - low;
+    let axis = if d.x > d.z { DVec3::X } else { DVec3::Z };
+    let middle = 0.5 * (low + high);
+    let around: Vec<_> = (0..8)
+        .map(|i| {
+            let (sin, cos) = (std::f64::consts::TAU * f64::from(i) / 8.0).sin_cos();
+            let p = middle + 0.3 * d.y * (DVec3::Y * sin + axis.cross(DVec3::Y) * cos) + 0.05 * d * axis * sin;
+            json!({"position": p.to_array()})
+        })
+        .collect();
+    f.write("p.json", &json!(around).to_string());
+    for mode in ["direct", "subdivision"] {
+        let command = format!(
+            "spline {} --points p.json -o c.obj --closed --landmarks 600 --mode {mode} --samples 2000 --report r.json",
+            horse.display()
+        );
+        f.run(&command).succeeds();
+        let (points, lines) = polyline(&f.read("c.obj"));
+        assert_eq!((lines.len(), points[0]), (1, points[points.len() - 1]));
+        assert!(points.len() > 2000 && on_surface(&mesh, &points) < 1e-12);
+        // No segment is longer than an edge.
+        let step = points.windows(2).map(|w| w[0].distance(w[1])).fold(0.0, f64::max);
+        assert!(step < 5.0 * mesh.mean_edge_length(), "{step}");
+    }
+}
