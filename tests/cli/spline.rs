@@ -55,10 +55,17 @@ fn on_surface(mesh: &Mesh, points: &[DVec3]) -> f64 {
 fn curves_lie_on_the_mesh_and_closed_ones_are_closed() {
     let f = sphere();
     let mesh = read_mesh(f.path("s.obj")).unwrap().mesh;
-    for (k, options) in
-        ["", "--closed", "--closed --mode subdivision", "--degree 5", "--kind bezier --degree 4", "--degree 1 --closed"]
-            .into_iter()
-            .enumerate()
+    for (k, options) in [
+        "",
+        "--closed",
+        "--closed --mode subdivision",
+        "--degree 5",
+        "--kind bezier --degree 4",
+        "--kind bezier --closed",
+        "--degree 1 --closed",
+    ]
+    .into_iter()
+    .enumerate()
     {
         let name = format!("c{k}.obj");
         let ran = f.run(&format!("spline s.obj --points p.json -o {name} --report r.json {options}")).succeeds();

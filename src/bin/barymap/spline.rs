@@ -31,7 +31,7 @@ pub(crate) struct Arguments {
     /// B-spline or Bezier pieces
     #[arg(long, value_enum, default_value = "bspline")]
     kind: Kind,
-    /// Degree: 1 to 5 of a B-spline (default 3), of each Bezier piece (default: one piece)
+    /// Degree: 1 to 5 of a B-spline (default 3), of each Bezier piece (default: one piece; 3 where closed)
     #[arg(long)]
     degree: Option<usize>,
     /// Close the curve

@@ -30,6 +30,8 @@ use quads::{Polygons, Refined};
 const MOST_VERTICES: u64 = 1 << 24;
 /// Averages of a batch below which a device is not worth its while.
 const LEAST_ROWS: usize = 1024;
+/// Smoothing steps that are computed in one go.
+const TOGETHER: usize = 8;
 /// Largest number of smoothing steps.
 const MOST_STEPS: u32 = 10_000;
 
@@ -96,8 +98,11 @@ pub struct Remesher<'a> {
     evenness: Evenness,
     /// The rest lengths of the last frame's steps.
     rest_lengths: Vec<f64>,
-    /// The points after each level and each step of the last frame.
-    stages: Vec<Vec<SurfacePoint>>,
+    /// The points of the last frame, before and after smoothing; empty without one.
+    unsmoothed: Vec<SurfacePoint>,
+    points: Vec<SurfacePoint>,
+    /// Lengths of edges before smoothing and after each step.
+    lengths: Vec<EdgeLengths>,
     without_projection: usize,
 }
 
@@ -215,7 +220,9 @@ impl<'a> Remesher<'a> {
             steps: options.smooth,
             evenness: options.evenness,
             rest_lengths: Vec::new(),
-            stages: Vec::new(),
+            unsmoothed: Vec::new(),
+            points: Vec::new(),
+            lengths: Vec::new(),
             without_projection: 0,
         })
     }
@@ -272,32 +279,35 @@ impl<'a> Remesher<'a> {
     /// # Errors
     /// Those of the device, where there is one ([`Self::compute_on`]).
     pub fn frame(&mut self) -> Result<&[SurfacePoint]> {
-        let mut stages: Vec<Vec<SurfacePoint>> = Vec::with_capacity(self.levels.len() + self.steps as usize);
         let mut without = 0;
         let mut now = self.base.clone();
         for level in &self.levels {
             let (found, closest) = self.batch(&now, &level.rows, 1)?;
             without += closest;
             now.extend(found.into_iter().flatten());
-            stages.push(now.clone());
         }
+        let unsmoothed = now.clone();
+        let lengths = |p: &[SurfacePoint]| measure::edge_lengths(&self.edges, &self.positions(p));
+        let mut all = vec![lengths(&now)];
         let mut rest_lengths = Vec::new();
         // Steps that are known beforehand are sent together.
-        let together = if self.evenness == Evenness::Fixed(0.0) { self.steps as usize } else { 1 };
+        let most = if self.evenness == Evenness::Fixed(0.0) { TOGETHER } else { 1 };
         while rest_lengths.len() < self.steps as usize {
+            let together = most.min(self.steps as usize - rest_lengths.len());
             let Some(((found, closest), c)) = self.smoothed(&now, together)? else { break };
             without = closest;
             rest_lengths.resize(rest_lengths.len() + found.len(), c);
-            stages.extend(found);
-            now = stages.last().map_or(now, Clone::clone);
+            for step in found {
+                all.push(lengths(&step));
+                now = step;
+            }
         }
         self.rest_lengths = rest_lengths;
         self.without_projection = without;
-        if stages.is_empty() {
-            stages.push(now);
-        }
-        self.stages = stages;
-        Ok(self.stages.last().map_or(&self.base, |s| s))
+        self.lengths = all;
+        self.unsmoothed = unsmoothed;
+        self.points = now;
+        Ok(&self.points)
     }
 
     /// Some steps, and the rest length they were done with; `None` where no step lowers the variance.
@@ -369,22 +379,24 @@ impl<'a> Remesher<'a> {
         points.iter().map(|p| p.position(self.mesh)).collect()
     }
 
-    /// The quad mesh of the last frame.
-    pub fn mesh(&self) -> Mesh {
-        let points = self.stages.last().unwrap_or(&self.base);
-        self.finest().mesh(&self.name, self.positions(points))
+    /// The faces and points of the last frame; without one, those of the base mesh.
+    fn current(&self) -> (&Polygons, [&[SurfacePoint]; 2]) {
+        if self.points.is_empty() {
+            return (&self.polygons, [&self.base; 2]);
+        }
+        (self.finest(), [&self.unsmoothed, &self.points])
     }
 
-    /// What the last frame is like. O(vertices log F).
+    /// The quad mesh of the last frame; without one, the base mesh on the surface.
+    pub fn mesh(&self) -> Mesh {
+        let (polygons, [_, points]) = self.current();
+        polygons.mesh(&self.name, self.positions(points))
+    }
+
+    /// What [`Self::mesh`] is like. O(vertices log F).
     pub fn report(&self) -> RemeshReport {
-        let finest = self.finest();
-        let first = self.levels.len().saturating_sub(1);
-        let unsmoothed = if self.levels.is_empty() { &self.base } else { self.stages.get(first).unwrap_or(&self.base) };
-        let smoothed = self.stages.get(self.levels.len()..).unwrap_or_default();
-        let smoothed = if self.rest_lengths.is_empty() { &[] } else { smoothed };
-        let last = smoothed.last().unwrap_or(unsmoothed);
-        let positions = self.positions(last);
-        let all = || std::iter::once(unsmoothed).chain(smoothed);
+        let (finest, [unsmoothed, points]) = self.current();
+        let positions = self.positions(points);
         let turned = |points: &[SurfacePoint]| {
             measure::turned(finest, &self.positions(points), points, (self.mesh, self.topology))
         };
@@ -395,10 +407,10 @@ impl<'a> Remesher<'a> {
             snap_largest: self.snapped.iter().copied().fold(0.0, f64::max),
             snap_mean: self.snapped.iter().sum::<f64>() / self.snapped.len().max(1) as f64,
             without_projection: self.without_projection,
-            edge_lengths: all().map(|p| measure::edge_lengths(&self.edges, &self.positions(p))).collect(),
+            edge_lengths: self.lengths.clone(),
             rest_lengths: self.rest_lengths.clone(),
             angles: measure::angles(finest, &positions),
-            turned: [turned(unsmoothed), turned(last)],
+            turned: [turned(unsmoothed), turned(points)],
             distances: measure::distances(finest, &positions, &self.mesh(), (self.mesh, &self.closest)),
         }
     }

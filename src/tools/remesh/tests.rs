@@ -93,6 +93,8 @@ fn moved_vertices_move_the_mesh_near_them() {
     let model = Model::new(icosphere(1.0, 4));
     let options = RemeshOptions { evenness: Evenness::Fixed(0.0), ..RemeshOptions::default() };
     let mut remesher = Remesher::new(model.shape(), &cube(), &options).unwrap();
+    // Before any frame there is the base mesh.
+    assert_eq!((remesher.mesh().polygon_count(), remesher.report().faces), (6, 6));
     let before = remesher.frame().unwrap().to_vec();
     let to = ClosestPoints::new(&model.mesh, &model.topology).nearest(DVec3::new(-1.0, -0.5, -1.0)).unwrap().0;
     remesher.move_vertex(0, to).unwrap();

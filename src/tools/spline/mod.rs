@@ -54,7 +54,7 @@ pub enum Evaluation {
 pub struct SplineOptions {
     /// B-spline or Bezier.
     pub kind: SplineKind,
-    /// Degree: 1 to 5 of a B-spline, 1 to [`MOST_DEGREE`] of Bezier pieces. 0 takes 3 for a B-spline and a single piece for Bezier.
+    /// Degree: 1 to 5 of a B-spline, 1 to [`MOST_DEGREE`] of Bezier pieces. 0 takes 3 for a B-spline and for closed Bezier pieces, else a single piece.
     pub degree: usize,
     /// Whether the curve ends where it began.
     pub closed: bool,
@@ -254,7 +254,8 @@ impl<'a> SplineSurface<'a> {
         let degree = match (o.degree, o.kind) {
             (0, SplineKind::BSpline) => 3,
             // A single piece through all control points, as far as the degree goes.
-            (0, SplineKind::Bezier) => n.saturating_sub(usize::from(!o.closed)).clamp(1, most),
+            (0, SplineKind::Bezier) if o.closed => 3,
+            (0, SplineKind::Bezier) => n.saturating_sub(1).clamp(1, most),
             (d, _) => d,
         };
         if degree > most {
