@@ -11,7 +11,7 @@ use super::vector::{Vector, add_scaled};
 use super::{NearestVertex, PhongSurface};
 
 /// A projection this many mean edges farther than `FARTHER` times the closest point is one onto another part of the surface.
-const GUARD: f64 = 0.5;
+const GUARD: f64 = 1.0;
 const FARTHER: f64 = 1.5;
 
 /// Which definition a weighted average follows.

@@ -9,7 +9,7 @@ use crate::geometry::{NONE, SurfacePoint};
 /// Averages computed by one task.
 const CHUNK: usize = 256;
 /// Points farther than this, in mean edges, from the one a search would begin at are averaged by a search over the whole surface.
-const FAR: f64 = 4.0;
+const FAR: f64 = 8.0;
 
 /// Weighted averages of points of a list: a row each, of entries with weights and of the row's own point, which has the rest of the weight and near which a search begins.
 #[derive(Clone, Debug, PartialEq)]
