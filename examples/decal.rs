@@ -41,7 +41,7 @@ fn label(size: u32) -> RgbaImage {
 
 fn chequered(size: u32) -> RgbaImage {
     RgbaImage::from_fn(size, size, |x, y| {
-        let dark = (x * 8 / size + y * 8 / size) % 2 == 0;
+        let dark = (x * 8 / size + y * 8 / size).is_multiple_of(2);
         Rgba(if dark { [40, 60, 90, 255] } else { [240, 230, 200, 255] })
     })
 }

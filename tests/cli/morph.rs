@@ -169,6 +169,54 @@ fn meshes_of_other_connectivity_take_that_of_the_first() {
     assert!(load("half.ply").vertex_count() == s.vertex_count() && f.path("half.glb").exists());
 }
 
+/// The half-way shape of two meshes keeps its volume, and few triangles are inverted; `most` of them in parts of all.
+fn half_way(f: &Folder, meshes: &str, most: f64) {
+    f.run(&format!("morph {meshes} -o half.ply --weights 0.5,0.5 --landmarks 200 --compatible c.obj --report r.json"))
+        .succeeds();
+    let report = f.json("r.json");
+    let ends: Vec<f64> = report["volumes"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+    let frame = &report["frames"][0];
+    let volume = frame["volume"].as_f64().unwrap();
+    assert!(volume > 0.8 * ends[0].min(ends[1]) && volume < 1.2 * ends[0].max(ends[1]), "{volume} {ends:?}");
+    // Better than that: between them.
+    assert!((volume - ends[0]) * (volume - ends[1]) < 0.0, "{volume} {ends:?}");
+    let triangles = read_mesh(f.path("half.ply")).unwrap().mesh.triangle_count() as f64;
+    assert!(frame["inverted"].as_f64().unwrap() <= most * triangles, "{frame}");
+    assert!(report["compatible"][0]["bad_area"].as_f64().unwrap() < 0.01, "{report}");
+    assert!(report["compatible"][0]["bad"].as_u64() <= report["compatible"][0]["bad_before"].as_u64());
+}
+
+#[test]
+fn the_built_in_characters_do_not_collapse_half_way() {
+    let f = Folder::empty();
+    let pair = barymap::models::character_pair();
+    write_obj(&pair.source.mesh, f.path("a.obj")).unwrap();
+    write_obj(&pair.target.mesh, f.path("b.obj")).unwrap();
+    let (on_a, on_b) = pair.anchors(60);
+    let list = |points: &[barymap::geometry::SurfacePoint]| -> serde_json::Value {
+        points.iter().map(|p| serde_json::json!({"face": p.face, "barycentric": p.barycentric})).collect()
+    };
+    f.write("p.json", &serde_json::json!({"source": list(&on_a), "target": list(&on_b)}).to_string());
+    half_way(&f, "a.obj b.obj --pairs p.json", 1e-3);
+}
+
+#[test]
+#[ignore = "needs BARYMAP_DATA"]
+fn a_lion_becomes_a_cat() {
+    let data =
+        std::path::PathBuf::from(std::env::var_os("BARYMAP_DATA").expect("BARYMAP_DATA names the data's folder"));
+    let folder = data.join("gt/cat_lion");
+    let f = Folder::empty();
+    for name in ["cat-00.obj", "lion-00.obj"] {
+        std::fs::copy(folder.join(name), f.path(name)).unwrap();
+    }
+    // The file has the cat first.
+    let landmarks = std::fs::read_to_string(folder.join("landmarks.txt")).unwrap();
+    let turned = landmarks.lines().filter_map(|l| l.split_once(char::is_whitespace));
+    f.write("p.txt", &turned.map(|(cat, lion)| format!("{} {}\n", lion.trim(), cat.trim())).collect::<String>());
+    half_way(&f, "lion-00.obj cat-00.obj --pairs p.txt", 5e-3);
+}
+
 #[test]
 fn pairs_that_do_not_fit_are_told() {
     let f = Folder::spheres();

@@ -95,6 +95,7 @@ fn a_cap_keeps_its_stretch_under_noise() {
             assert!(smooth.stretch_all >= 0.99 && smooth.flipped_faces == 0, "{layout:?} {degrees}: {smooth:?}");
             // One percent of the radius.
             let noisy = lay(&rough(&mesh, 0.01, 5), &cap(&mesh, degrees), layout).unwrap().report;
+            println!("{layout:?} {degrees} degrees: {:.4}, with noise {:.4}", smooth.stretch_all, noisy.stretch_all);
             assert!((smooth.stretch_all - noisy.stretch_all).abs() < 0.05, "{layout:?} {degrees}: {noisy:?}");
         }
     }
@@ -127,7 +128,7 @@ fn what_is_wrong_is_named() {
     fails(&changed(&|a| a.points[3].face = 5000), "anchor 3");
     fails(&changed(&|a| a.points[3].barycentric = [2.0, -1.0, 0.0]), "anchor 3");
     fails(&changed(&|a| a.uv.iter_mut().enumerate().for_each(|(k, q)| *q = DVec2::splat(k as f64 / 4.0))), "one line");
-    fails(&changed(&|a| drop(a.uv.pop())), "in the picture");
+    fails(&changed(&|a| a.uv.truncate(3)), "in the picture");
     let square = lay(&mesh, &good, Layout::Plate).unwrap();
     assert!(decal(&mesh, &Topology::new(&mesh), &good, Layout::Plate, f64::NAN, &Quiet).is_err());
     // From inside it is a mirror.
@@ -211,7 +212,7 @@ fn small_decals_are_averaged_not_sampled() {
     let anchors =
         DecalAnchors::corners(on(&mesh, [(lo, lo), (hi, lo), (hi, hi), (lo, hi)].map(|(x, y)| DVec3::new(x, y, 0.0))));
     let made = lay(&mesh, &anchors, Layout::Plate).unwrap();
-    let chequered = (0..512 * 512).map(|i: u32| if (i % 512 + i / 512) % 2 == 0 { 255 } else { 0 }).collect();
+    let chequered = (0..512 * 512).map(|i: u32| if (i % 512 + i / 512).is_multiple_of(2) { 255 } else { 0 }).collect();
     let picture = Image::new(512, 512, 1, Pixels::U8(chequered)).unwrap();
     let options = PaintOptions {
         width: 512,
