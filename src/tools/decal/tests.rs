@@ -71,6 +71,26 @@ fn a_plane_is_exact_and_its_patch_is_the_picture() {
 }
 
 #[test]
+fn many_anchors_bend_the_picture_and_are_met() {
+    let mesh = irregular_plane(30, 30, 1.0, 1.0, Diagonal::Alternating, 0.3, 8);
+    let closest = ClosestPoints::new(&mesh, &Topology::new(&mesh));
+    let grid: Vec<DVec2> = (0..36).map(|k| DVec2::new(f64::from(k % 6), f64::from(k / 6)) / 5.0).collect();
+    let points = grid.iter().map(|q| closest.nearest((*q * 0.6 + 0.2).extend(0.0)).unwrap().0).collect();
+    let straight = DecalAnchors { points, uv: grid };
+    let off = |made: &Decal| {
+        let places = mesh.positions.iter().zip(&made.uv);
+        places.filter_map(|(p, uv)| Some((*uv)?.distance((p.truncate() - 0.2) / 0.6))).fold(0.0, f64::max)
+    };
+    let made = lay(&mesh, &straight, Layout::Plate).unwrap();
+    assert!(off(&made) < 1e-8 && made.report.shown == 1.0, "{} {:?}", off(&made), made.report);
+    let mut bent = straight.clone();
+    bent.uv[14] += DVec2::new(0.03, -0.02);
+    let made = lay(&mesh, &bent, Layout::Plate).unwrap();
+    assert!(made.report.anchor_error < 1e-9 && made.report.flipped_faces == 0, "{:?}", made.report);
+    assert!((0.02..0.08).contains(&off(&made)), "{}", off(&made));
+}
+
+#[test]
 fn a_label_on_a_tube_is_flat() {
     let mesh = tube(1.0, 3.0, 60, 30, Diagonal::Alternating);
     let corner = |angle: f64, y: f64| DVec3::new(angle.sin(), y, angle.cos());
