@@ -227,6 +227,17 @@ fn pairs_that_do_not_fit_are_told() {
     f.run("morph s.obj t.obj --pairs one.json -o bad").fails(1, &["one.json", "pairs are needed"]);
     assert_eq!(f.run("morph s.obj t.obj -o bad --compatible c.obj").code, Some(2));
     f.run("morph s.obj t.obj --pairs a.json -o bad --compatible none/c.obj").fails(1, &["none"]);
+    // Two pairs that contradict one another are told.
+    let pairs = f.json("a.json");
+    let list = |side: &str, change: &dyn Fn(&mut Vec<serde_json::Value>)| {
+        let mut list = pairs[side].as_array().unwrap().clone();
+        change(&mut list);
+        list
+    };
+    let (source, target) = (list("source", &|l| l[1] = l[0].clone()), list("target", &|_| ()));
+    f.write("same.json", &serde_json::json!({"source": source, "target": target}).to_string());
+    let ran = f.run("morph s.obj t.obj --pairs same.json -o same.ply --weights 0,1 --landmarks 150").succeeds();
+    assert!(ran.stderr.contains("source anchors 0 and 1 coincide"), "{}", ran.stderr);
     // A second part without any pair has a guess, not a fault.
     let (sphere, mut far) = (read_mesh(f.path("s.obj")).unwrap().mesh, Vec::new());
     let n = sphere.vertex_count() as u32;
