@@ -99,7 +99,7 @@ fn a_label_on_a_tube_is_flat() {
     // 1.4 wide and 1 high.
     let made = decal(&mesh, &Topology::new(&mesh), &anchors, Layout::Plate, 1.4, &Quiet).unwrap();
     let r = made.report;
-    assert!(r.stretch_all > 0.9999 && r.flipped_faces == 0 && r.shown == 1.0, "{r:?}");
+    assert!(r.stretch_all > 0.9995 && r.flipped_faces == 0 && r.shown == 1.0, "{r:?}");
     // The proportions count: for a square picture it is stretched.
     assert!(lay(&mesh, &anchors, Layout::Plate).unwrap().report.stretch_all < 0.95);
     // Nothing appears on the far side.
@@ -109,18 +109,22 @@ fn a_label_on_a_tube_is_flat() {
 #[test]
 fn a_cap_keeps_its_stretch_under_noise() {
     let mesh = icosphere(1.0, 4);
-    for layout in [Layout::Plate, Layout::Averages] {
+    let diagonal = 2.0 * 3f64.sqrt();
+    // One percent of the diagonal is half an edge here: too much for embeddings.
+    for (layout, amounts) in [(Layout::Plate, vec![0.01, 0.01 * diagonal]), (Layout::Averages, vec![0.01])] {
         for degrees in [20.0, 30.0, 40.0] {
             let smooth = lay(&mesh, &cap(&mesh, degrees), layout).unwrap().report;
             assert!(smooth.stretch_all >= 0.99 && smooth.flipped_faces == 0, "{layout:?} {degrees}: {smooth:?}");
-            // One percent of the radius.
-            let noisy = lay(&rough(&mesh, 0.01, 5), &cap(&mesh, degrees), layout).unwrap().report;
-            println!("{layout:?} {degrees} degrees: {:.4}, with noise {:.4}", smooth.stretch_all, noisy.stretch_all);
-            assert!((smooth.stretch_all - noisy.stretch_all).abs() < 0.05, "{layout:?} {degrees}: {noisy:?}");
+            for &amount in &amounts {
+                let noisy = lay(&rough(&mesh, amount, 5), &cap(&mesh, degrees), layout).unwrap().report;
+                let (before, after) = (smooth.stretch_all, noisy.stretch_all);
+                println!("{layout:?} {degrees} degrees: {before:.4}, with noise of {amount:.4} {after:.4}");
+                assert!((before - after).abs() < 0.05, "{layout:?} {degrees}: {noisy:?}");
+            }
         }
     }
-    // A cap twice as wide as those of the paper.
-    assert!(lay(&mesh, &cap(&mesh, 60.0), Layout::Plate).unwrap().report.stretch_all > 0.95);
+    // A cap twice as wide.
+    assert!(lay(&mesh, &cap(&mesh, 60.0), Layout::Plate).unwrap().report.stretch_all > 0.98);
 }
 
 #[test]
