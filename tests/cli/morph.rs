@@ -152,7 +152,10 @@ fn meshes_of_other_connectivity_take_that_of_the_first() {
         assert_eq!(report["frames"][k]["inverted"], 0);
     }
     assert_eq!(report["frames"][0]["stretch_all"].as_f64().unwrap(), 1.0);
-    assert!((volume(4) / barymap::tools::morph::FrameWatch::new(&t).measure(&t.positions).volume - 1.0).abs() < 0.02);
+    let inside = |m: &Mesh| -> f64 {
+        (0..m.triangle_count()).map(|k| m.triangle_positions(k)).map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum()
+    };
+    assert!((volume(4) / inside(&t) - 1.0).abs() < 0.03 && (volume(0) / inside(&s) - 1.0).abs() < 1e-9);
     assert_eq!(report["compatible"][0]["bad"], 0);
     // The same bytes on one thread; one blend and an animation go the same way.
     f.run_with(
@@ -164,6 +167,49 @@ fn meshes_of_other_connectivity_take_that_of_the_first() {
     f.run("morph s.obj t.obj --pairs a.json -o half.ply --weights 0.5,0.5 --landmarks 150").succeeds();
     f.run("morph s.obj t.obj --pairs a.json -o half.glb --frames 3 --landmarks 150").succeeds();
     assert!(load("half.ply").vertex_count() == s.vertex_count() && f.path("half.glb").exists());
+}
+
+/// The half-way shape of two meshes keeps its volume, and few triangles are inverted; `most` of them in parts of all.
+fn half_way(f: &Folder, meshes: &str, most: f64) {
+    f.run(&format!("morph {meshes} -o half.ply --weights 0.5,0.5 --landmarks 200 --compatible c.obj --report r.json"))
+        .succeeds();
+    let report = f.json("r.json");
+    let ends: Vec<f64> = report["volumes"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+    let frame = &report["frames"][0];
+    let volume = frame["volume"].as_f64().unwrap();
+    assert!(volume > 0.8 * ends[0].min(ends[1]) && volume < 1.2 * ends[0].max(ends[1]), "{volume} {ends:?}");
+    // Better than that: between them.
+    assert!((volume - ends[0]) * (volume - ends[1]) < 0.0, "{volume} {ends:?}");
+    let triangles = read_mesh(f.path("half.ply")).unwrap().mesh.triangle_count() as f64;
+    assert!(frame["inverted"].as_f64().unwrap() <= most * triangles, "{frame}");
+    assert!(report["compatible"][0]["bad_area"].as_f64().unwrap() < 0.01, "{report}");
+    assert!(report["compatible"][0]["bad"].as_u64() <= report["compatible"][0]["bad_before"].as_u64());
+}
+
+#[test]
+fn the_built_in_characters_do_not_collapse_half_way() {
+    let f = Folder::empty();
+    let pair = barymap::models::character_pair();
+    write_obj(&pair.source.mesh, f.path("a.obj")).unwrap();
+    write_obj(&pair.target.mesh, f.path("b.obj")).unwrap();
+    let (on_a, on_b) = pair.anchors(60);
+    let list = |points: &[barymap::geometry::SurfacePoint]| -> serde_json::Value {
+        points.iter().map(|p| serde_json::json!({"face": p.face, "barycentric": p.barycentric})).collect()
+    };
+    f.write("p.json", &serde_json::json!({"source": list(&on_a), "target": list(&on_b)}).to_string());
+    half_way(&f, "a.obj b.obj --pairs p.json", 1e-3);
+}
+
+#[test]
+#[ignore = "needs BARYMAP_DATA"]
+fn a_cat_becomes_a_lion() {
+    let data = std::path::PathBuf::from(std::env::var("BARYMAP_DATA").unwrap());
+    let folder = data.join("gt/cat_lion");
+    let f = Folder::empty();
+    for name in ["cat-00.obj", "lion-00.obj", "landmarks.txt"] {
+        std::fs::copy(folder.join(name), f.path(name)).unwrap();
+    }
+    half_way(&f, "cat-00.obj lion-00.obj --pairs landmarks.txt", 5e-3);
 }
 
 #[test]
@@ -181,6 +227,17 @@ fn pairs_that_do_not_fit_are_told() {
     f.run("morph s.obj t.obj --pairs one.json -o bad").fails(1, &["one.json", "pairs are needed"]);
     assert_eq!(f.run("morph s.obj t.obj -o bad --compatible c.obj").code, Some(2));
     f.run("morph s.obj t.obj --pairs a.json -o bad --compatible none/c.obj").fails(1, &["none"]);
+    // Two pairs that contradict one another are told.
+    let pairs = f.json("a.json");
+    let list = |side: &str, change: &dyn Fn(&mut Vec<serde_json::Value>)| {
+        let mut list = pairs[side].as_array().unwrap().clone();
+        change(&mut list);
+        list
+    };
+    let (source, target) = (list("source", &|l| l[1] = l[0].clone()), list("target", &|_| ()));
+    f.write("same.json", &serde_json::json!({"source": source, "target": target}).to_string());
+    let ran = f.run("morph s.obj t.obj --pairs same.json -o same.ply --weights 0,1 --landmarks 150").succeeds();
+    assert!(ran.stderr.contains("source anchors 0 and 1 coincide"), "{}", ran.stderr);
     // A second part without any pair has a guess, not a fault.
     let (sphere, mut far) = (read_mesh(f.path("s.obj")).unwrap().mesh, Vec::new());
     let n = sphere.vertex_count() as u32;

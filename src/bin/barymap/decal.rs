@@ -224,6 +224,14 @@ fn draw(
             painted.stats.overlapping
         ));
     }
+    let materials: std::collections::BTreeSet<u32> =
+        made.patch.iter().map(|&t| surface.mesh.triangle_material(t as usize)).collect();
+    if materials.len() > 1 && material.is_none() {
+        session.warn(&format!(
+            "the picture lies on {} materials; if each has its own texture, make them one by one with --material",
+            materials.len()
+        ));
+    }
     let base = match texture {
         Some(texture) => texture,
         None => Image::zeros(width, height, 4, painted.image.depth())?,

@@ -11,6 +11,9 @@ const ROOM: f64 = 0.2;
 /// Points whose distances from the anchors fit no point of a plane by more than this part of the anchors' own mean square distance from their middle are on the other side of something.
 const BEHIND: f64 = 0.6;
 
+/// Anchors that distances are taken from, at most: the ones farthest apart in the picture.
+const MOST: usize = 24;
+
 /// Triangles near the anchors as a mesh of their own, scaled to area one.
 #[derive(Debug)]
 pub(super) struct Domain {
@@ -97,8 +100,22 @@ impl Trilateration {
     }
 }
 
+/// Up to [`MOST`] points spread over a set: each as far as possible from those before.
+fn spread(points: &[DVec2]) -> Vec<usize> {
+    let mut chosen = vec![0];
+    let mut distance: Vec<f64> = points.iter().map(|p| p.distance(points[0])).collect();
+    while chosen.len() < MOST.min(points.len()) {
+        let next = (0..points.len()).fold(0, |best, i| if distance[i] > distance[best] { i } else { best });
+        chosen.push(next);
+        for (d, p) in distance.iter_mut().zip(points) {
+            *d = d.min(p.distance(points[next]));
+        }
+    }
+    chosen
+}
+
 impl Domain {
-    /// The usable triangles that the picture may reach, with room around, connected with the anchors' own. `corners` are the anchors' nearest vertices. O(n log n) for n vertices of the mesh, for each anchor.
+    /// The usable triangles that the picture may reach, with room around, connected with the anchors' own. `corners` are the anchors' nearest vertices. O(n log n) for n vertices of the mesh, times the number of anchors up to 24.
     ///
     /// # Errors
     /// [`Error::Input`] if the anchors are not connected along the surface, or all at one point.
@@ -111,13 +128,14 @@ impl Domain {
             geodesics.distances_from(v, &mut march);
             march.distances.clone()
         };
-        let n = corners.len();
-        let mut between = Vec::with_capacity(n * n);
-        for (i, &v) in corners.iter().enumerate() {
-            let d = distances_of(v);
+        let chosen = spread(&anchors.uv);
+        let uv: Vec<DVec2> = chosen.iter().map(|&i| anchors.uv[i]).collect();
+        let mut between = Vec::with_capacity(chosen.len() * chosen.len());
+        for &i in &chosen {
+            let d = distances_of(corners[i]);
             // Several anchors in one triangle may share their nearest corner.
             let straight = |j: usize| anchors.points[i].position(mesh).distance(anchors.points[j].position(mesh));
-            between.extend(corners.iter().enumerate().map(|(j, &w)| d[w as usize].max(straight(j))));
+            between.extend(chosen.iter().map(|&j| d[corners[j] as usize].max(straight(j))));
         }
         let most = between.iter().copied().fold(0.0, f64::max);
         if !(most > 0.0 && most.is_finite()) {
@@ -126,8 +144,8 @@ impl Domain {
                 "Spread them over one connected part",
             ));
         }
-        let flat = Trilateration::new(&anchors.uv, &between);
-        let places = flat.places(&anchors.uv, corners.iter().map(|&v| distances_of(v)));
+        let flat = Trilateration::new(&uv, &between);
+        let places = flat.places(&uv, chosen.iter().map(|&i| distances_of(corners[i])));
         let room = ROOM + flat.misfit.min(1.0);
         let near = |v: u32| {
             let (p, behind) = places[v as usize];

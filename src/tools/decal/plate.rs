@@ -10,6 +10,8 @@ use crate::geometry::bending::Bending;
 const STIFFNESS: f64 = 1e3;
 /// Stiffness of the ties to the anchors, in the same parts.
 const TIE: f64 = 1e8;
+/// Edges over which roughness is smoothed away before the plate is laid. Noise of half an edge costs 0.05 to 0.4 of the stretch without, 0.01 with; 2 and more take off shape too.
+const REACH: f64 = 1.0;
 /// Most steps of the iteration.
 const STEPS: usize = 60;
 /// The iteration ends when no coordinate moves more than this in a step.
@@ -18,7 +20,7 @@ const DONE: f64 = 1e-11;
 /// Functions u and v on a surface of area one that take the values `uv` at the points `ties` (triangle's vertices and barycentric coordinates) and have the smallest energy
 /// `integral (laplace u)^2` among those, with free borders. On flat surfaces, bent or not, values that are a linear function of the place are met by that function exactly.
 ///
-/// One factorisation and a few solutions: the matrix alone is singular, so each step minimises `|x - before|^2 + stiffness E(x) + tie |B x + y - uv|^2`, y being what the steps before missed (the method of
+/// Roughness is taken off the surface first. Two factorisations and a few solutions: the matrix alone is singular, so each step minimises `|x - before|^2 + stiffness E(x) + tie |B x + y - uv|^2`, y being what the steps before missed (the method of
 /// multipliers).
 ///
 /// # Errors
@@ -29,7 +31,8 @@ pub(super) fn plate(
     ties: &[([u32; 3], [f64; 3])],
     uv: &[DVec2],
 ) -> Result<Vec<DVec2>> {
-    let bending = Bending::new(positions, triangles)?;
+    let smoothed = smoothed(positions, triangles)?;
+    let bending = Bending::new(&smoothed, triangles)?;
     let factor = bending.factorise(STIFFNESS, ties, TIE)?;
     let n = positions.len();
     let mut at = vec![uv.iter().sum::<DVec2>() / uv.len().max(1) as f64; n];
@@ -62,4 +65,19 @@ pub(super) fn plate(
         }
     }
     Ok(at)
+}
+
+/// The surface with roughness finer than about [`REACH`] edges taken off by the same energy, one step of `M x' + h^4 E x' = M x`: the plate shall follow the surface, not its noise. Flat surfaces stay exactly as they are.
+fn smoothed(positions: &[DVec3], triangles: &[[u32; 3]]) -> Result<Vec<DVec3>> {
+    let bending = Bending::new(positions, triangles)?;
+    let length: f64 = triangles
+        .iter()
+        .flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]])
+        .map(|[i, j]| positions[i as usize].distance(positions[j as usize]))
+        .sum();
+    let edge = length / (3 * triangles.len()).max(1) as f64;
+    let factor = bending.factorise((REACH * edge).powi(4), &[], 0.0)?;
+    let mut x = Mat::from_fn(positions.len(), 3, |v, k| bending.mass[v] * positions[v][k]);
+    factor.solve(&mut x)?;
+    Ok((0..positions.len()).map(|v| DVec3::new(x[(v, 0)], x[(v, 1)], x[(v, 2)])).collect())
 }

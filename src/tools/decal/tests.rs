@@ -71,6 +71,26 @@ fn a_plane_is_exact_and_its_patch_is_the_picture() {
 }
 
 #[test]
+fn many_anchors_bend_the_picture_and_are_met() {
+    let mesh = irregular_plane(30, 30, 1.0, 1.0, Diagonal::Alternating, 0.3, 8);
+    let closest = ClosestPoints::new(&mesh, &Topology::new(&mesh));
+    let grid: Vec<DVec2> = (0..36).map(|k| DVec2::new(f64::from(k % 6), f64::from(k / 6)) / 5.0).collect();
+    let points = grid.iter().map(|q| closest.nearest((*q * 0.6 + 0.2).extend(0.0)).unwrap().0).collect();
+    let straight = DecalAnchors { points, uv: grid };
+    let off = |made: &Decal| {
+        let places = mesh.positions.iter().zip(&made.uv);
+        places.filter_map(|(p, uv)| Some((*uv)?.distance((p.truncate() - 0.2) / 0.6))).fold(0.0, f64::max)
+    };
+    let made = lay(&mesh, &straight, Layout::Plate).unwrap();
+    assert!(off(&made) < 1e-8 && made.report.shown == 1.0, "{} {:?}", off(&made), made.report);
+    let mut bent = straight.clone();
+    bent.uv[14] += DVec2::new(0.03, -0.02);
+    let made = lay(&mesh, &bent, Layout::Plate).unwrap();
+    assert!(made.report.anchor_error < 1e-9 && made.report.flipped_faces == 0, "{:?}", made.report);
+    assert!((0.02..0.08).contains(&off(&made)), "{}", off(&made));
+}
+
+#[test]
 fn a_label_on_a_tube_is_flat() {
     let mesh = tube(1.0, 3.0, 60, 30, Diagonal::Alternating);
     let corner = |angle: f64, y: f64| DVec3::new(angle.sin(), y, angle.cos());
@@ -79,7 +99,7 @@ fn a_label_on_a_tube_is_flat() {
     // 1.4 wide and 1 high.
     let made = decal(&mesh, &Topology::new(&mesh), &anchors, Layout::Plate, 1.4, &Quiet).unwrap();
     let r = made.report;
-    assert!(r.stretch_all > 0.9999 && r.flipped_faces == 0 && r.shown == 1.0, "{r:?}");
+    assert!(r.stretch_all > 0.9995 && r.flipped_faces == 0 && r.shown == 1.0, "{r:?}");
     // The proportions count: for a square picture it is stretched.
     assert!(lay(&mesh, &anchors, Layout::Plate).unwrap().report.stretch_all < 0.95);
     // Nothing appears on the far side.
@@ -89,17 +109,22 @@ fn a_label_on_a_tube_is_flat() {
 #[test]
 fn a_cap_keeps_its_stretch_under_noise() {
     let mesh = icosphere(1.0, 4);
-    for layout in [Layout::Plate, Layout::Averages] {
+    let diagonal = 2.0 * 3f64.sqrt();
+    // One percent of the diagonal is half an edge here: too much for embeddings.
+    for (layout, amounts) in [(Layout::Plate, vec![0.01, 0.01 * diagonal]), (Layout::Averages, vec![0.01])] {
         for degrees in [20.0, 30.0, 40.0] {
             let smooth = lay(&mesh, &cap(&mesh, degrees), layout).unwrap().report;
             assert!(smooth.stretch_all >= 0.99 && smooth.flipped_faces == 0, "{layout:?} {degrees}: {smooth:?}");
-            // One percent of the radius.
-            let noisy = lay(&rough(&mesh, 0.01, 5), &cap(&mesh, degrees), layout).unwrap().report;
-            assert!((smooth.stretch_all - noisy.stretch_all).abs() < 0.05, "{layout:?} {degrees}: {noisy:?}");
+            for &amount in &amounts {
+                let noisy = lay(&rough(&mesh, amount, 5), &cap(&mesh, degrees), layout).unwrap().report;
+                let (before, after) = (smooth.stretch_all, noisy.stretch_all);
+                println!("{layout:?} {degrees} degrees: {before:.4}, with noise of {amount:.4} {after:.4}");
+                assert!((before - after).abs() < 0.05, "{layout:?} {degrees}: {noisy:?}");
+            }
         }
     }
-    // A cap twice as wide as those of the paper.
-    assert!(lay(&mesh, &cap(&mesh, 60.0), Layout::Plate).unwrap().report.stretch_all > 0.95);
+    // A cap twice as wide.
+    assert!(lay(&mesh, &cap(&mesh, 60.0), Layout::Plate).unwrap().report.stretch_all > 0.98);
 }
 
 #[test]
@@ -127,7 +152,7 @@ fn what_is_wrong_is_named() {
     fails(&changed(&|a| a.points[3].face = 5000), "anchor 3");
     fails(&changed(&|a| a.points[3].barycentric = [2.0, -1.0, 0.0]), "anchor 3");
     fails(&changed(&|a| a.uv.iter_mut().enumerate().for_each(|(k, q)| *q = DVec2::splat(k as f64 / 4.0))), "one line");
-    fails(&changed(&|a| drop(a.uv.pop())), "in the picture");
+    fails(&changed(&|a| a.uv.truncate(3)), "in the picture");
     let square = lay(&mesh, &good, Layout::Plate).unwrap();
     assert!(decal(&mesh, &Topology::new(&mesh), &good, Layout::Plate, f64::NAN, &Quiet).is_err());
     // From inside it is a mirror.
@@ -211,7 +236,7 @@ fn small_decals_are_averaged_not_sampled() {
     let anchors =
         DecalAnchors::corners(on(&mesh, [(lo, lo), (hi, lo), (hi, hi), (lo, hi)].map(|(x, y)| DVec3::new(x, y, 0.0))));
     let made = lay(&mesh, &anchors, Layout::Plate).unwrap();
-    let chequered = (0..512 * 512).map(|i: u32| if (i % 512 + i / 512) % 2 == 0 { 255 } else { 0 }).collect();
+    let chequered = (0..512 * 512).map(|i: u32| if (i % 512 + i / 512).is_multiple_of(2) { 255 } else { 0 }).collect();
     let picture = Image::new(512, 512, 1, Pixels::U8(chequered)).unwrap();
     let options = PaintOptions {
         width: 512,
