@@ -14,6 +14,7 @@ mod patterns;
 mod plane;
 #[path = "../common/plane.rs"]
 mod plane_cases;
+mod space;
 mod surface;
 mod transfer;
 mod transfer_sample;

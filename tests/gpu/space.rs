@@ -19,9 +19,7 @@ type Pair = (Vec<[u32; 3]>, Vec<DVec3>, Vec<DVec3>);
 
 fn pair(mesh: &barymap::geometry::Mesh, amount: f64) -> Pair {
     let mut random = Random::new(7);
-    let to = mesh.positions.iter().map(|&p| {
-        p + amount * DVec3::new(random.signed(), random.signed(), random.signed())
-    });
+    let to = mesh.positions.iter().map(|&p| p + amount * DVec3::new(random.signed(), random.signed(), random.signed()));
     (mesh.triangles(), mesh.positions.clone(), to.collect())
 }
 
@@ -50,7 +48,10 @@ fn points(pair: &Pair, frame: &Frame, count: usize) -> Vec<[f32; 3]> {
 /// The largest difference of points.
 fn difference(a: &[[f32; 3]], b: &[[f32; 3]]) -> f32 {
     assert_eq!(a.len(), b.len());
-    a.iter().zip(b).flat_map(|(p, q)| (0..3).map(|k| (p[k] - q[k]).abs())).fold(0.0, |m, d| if d > m || d.is_nan() { d } else { m })
+    a.iter()
+        .zip(b)
+        .flat_map(|(p, q)| (0..3).map(|k| (p[k] - q[k]).abs()))
+        .fold(0.0, |m, d| if d > m || d.is_nan() { d } else { m })
 }
 
 #[test]
@@ -122,8 +123,8 @@ fn minima_of_pieces_are_those_of_the_reference() {
                 let like = piece_minima_on_cpu(Lanes::scalar(), &step.cast(), points);
                 assert!(agree(&found, &like, 2e-3), "{count}: {found:?} {like:?}");
                 let mut spoilt = found.clone();
-                if let Some(first) = spoilt.first_mut() {
-                    first.value += 0.1;
+                if let Some(one) = spoilt.iter_mut().find(|m| m.value.abs() < 1e3) {
+                    one.value += 0.1;
                     assert!(!agree(&spoilt, &like, 2e-3), "a wrong minimum passes");
                 }
             }

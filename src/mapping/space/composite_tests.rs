@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::testing::{Shape, box_cage};
+use super::testing::box_cage;
 use super::*;
 use crate::engine::Engine;
 use crate::error::Result;
@@ -136,8 +136,7 @@ fn outside_is_told_from_inside() {
     let cage = twisted(3, 60.0);
     let map = CompositeMap::new(cage.triangles.clone(), vec![cage.source.clone(), cage.target.clone()]).unwrap();
     let mut random = crate::models::shapes::Random::new(2);
-    let points: Vec<DVec3> =
-        (0..300).map(|_| DVec3::new(random.signed(), random.signed(), random.signed())).collect();
+    let points: Vec<DVec3> = (0..300).map(|_| DVec3::new(random.signed(), random.signed(), random.signed())).collect();
     let within = map.inside(0, &points);
     for (p, inside) in points.iter().zip(within) {
         assert_eq!(inside, p.abs().max_element() < 0.5, "{p}");

@@ -121,7 +121,7 @@ pub fn partition(
     let start = match options.kind {
         PartitionKind::Direct | PartitionKind::Binary => vec![0.0, 1.0],
         PartitionKind::Uniform(m) => (0..=m).map(|k| f64::from(k) / f64::from(m)).collect(),
-        PartitionKind::Continuous => continuous_knots(options.eps, most, &mut |intervals: &[(f64, f64)]| {
+        PartitionKind::Continuous => continuous_knots(options.eps, most, |intervals: &[(f64, f64)]| {
             intervals.iter().map(|&(a, b)| Ok(walk.minimum(a, b, &[])?.1.value)).collect::<Result<Vec<f64>>>()
         })?,
     };

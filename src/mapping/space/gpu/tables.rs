@@ -71,8 +71,7 @@ pub(super) struct StepTables {
 impl StepTables {
     /// Uploads a step for so many points.
     pub(super) fn new(gpu: &Gpu, step: &Step<f64>, points: usize) -> Result<Self> {
-        let params =
-            SpaceParams { faces: step.faces.len() as u32, points: points as u32, ..SpaceParams::default() };
+        let params = SpaceParams { faces: step.faces.len() as u32, points: points as u32, ..SpaceParams::default() };
         let faces: Vec<FaceRecord> = step.faces.iter().map(record).collect();
         Ok(Self { params: gpu.uniform("space parameters", &params)?, faces: gpu.uniform_blocks("faces", &faces)? })
     }
