@@ -158,7 +158,7 @@ fn tell(session: &Session<'_>, model: &Mesh, caged: &Caged) {
     let crossing = &caged.partition.intersections;
     if let Some(first) = crossing.first() {
         session.warn(&format!(
-            "the cage intersects itself at {} of {} knots, the first t = {} ({} pairs of triangles, first {} and {})",
+            "the cage intersects itself at {} of {} knots, the first t = {} ({} pairs of triangles, first {} and {}): no map avoids folds there",
             crossing.len(),
             caged.partition.knots.len(),
             first.knot,

@@ -116,6 +116,11 @@ impl Samples {
         Ok(Self { points, cells })
     }
 
+    /// No samples.
+    pub fn none() -> Self {
+        Self { points: Vec::new(), cells: 0 }
+    }
+
     /// How many there are, those outside included.
     pub fn count(&self) -> usize {
         self.points.len()
