@@ -27,13 +27,13 @@ fn pillow(size: f64, slices: usize, stacks: usize) -> Mesh {
     mesh
 }
 
-/// Half a turn, most of it in the middle.
+/// A third of a turn, all of it in the middle.
 fn twist(p: DVec3) -> DVec3 {
-    DQuat::from_rotation_y(std::f64::consts::PI * (0.8 * p.y).clamp(-0.5, 0.5)) * p
+    DQuat::from_rotation_y(120f64.to_radians() * (1.6 * p.y).clamp(-0.5, 0.5)) * p
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let (model, from) = (pillow(0.85, 96, 64), pillow(1.0, 12, 8));
+    let (model, from) = (pillow(0.85, 96, 64), pillow(1.0, 6, 6));
     let mut to = from.clone();
     to.positions.iter_mut().for_each(|p| *p = twist(*p));
     let cage = Cage::new(&from, &to)?;
