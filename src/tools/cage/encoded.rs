@@ -126,7 +126,7 @@ mod tests {
         let half = volume(&cage.triangles, &twisted(90.0).target);
         let middle = |path: &dyn VertexPath| volume(&cage.triangles, &path.positions(0.5).unwrap()) / half;
         let (encoded, linear) = (middle(&Encoded::new(&cage).unwrap()), middle(&Linear::new(&cage)));
-        assert!((encoded - 1.0).abs() < 0.1 && linear < 0.9, "{encoded} {linear}");
+        assert!(encoded > 0.95 && encoded < 1.25 && linear < 0.9, "{encoded} {linear}");
     }
 
     #[test]
