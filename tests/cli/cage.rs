@@ -179,9 +179,9 @@ fn vertices_outside_are_mapped_and_counted() {
 }
 
 #[test]
-fn points_without_faces_are_a_model_too() {
+fn vertices_of_no_face_are_carried_too() {
     let f = folder(affine);
-    f.write("p.obj", "v 0 0 0\nv 0.5 0.25 -0.125\n");
+    f.write("p.obj", "v 0 0 0\nv 0.5 0.25 -0.125\nv 0.5 0 0\nv 0 0.5 0\nf 1 3 4\n");
     f.run("cage p.obj --from a.obj --to b.obj -o out.obj --path linear").succeeds();
     let out = mesh(&f, "out.obj");
     assert!(out.positions[1].distance(affine(DVec3::new(0.5, 0.25, -0.125))) < 1e-5);
@@ -220,7 +220,7 @@ fn what_is_no_cage_or_no_model_is_told_by_name() {
         ("a.obj", "flat.obj", &["flat.obj", "has no area"]),
         ("flat.obj", "a.obj", &["flat.obj", "has no area"]),
         ("a.obj", "mirror.obj", &["mirror.obj", "inside out"]),
-        ("cloud.obj", "cloud.obj", &["cloud.obj", "no faces"]),
+        ("cloud.obj", "cloud.obj", &["cloud.obj", "no face"]),
         ("empty.obj", "a.obj", &["empty.obj"]),
         ("a.obj", "nan.obj", &["nan.obj"]),
         ("a.obj", "gone.obj", &["gone.obj"]),
