@@ -25,7 +25,7 @@ const ON_EDGE: f64 = 16.0;
 pub struct Evaluation<R> {
     /// The image.
     pub point: [R; 3],
-    /// Derivative, row by row: entry [r][c] is that of coordinate r by coordinate c.
+    /// Derivative, row by row: row r, column c is that of coordinate r by coordinate c.
     pub derivative: [[R; 3]; 3],
     /// Its determinant.
     pub jacobian: R,
