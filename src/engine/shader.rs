@@ -9,15 +9,18 @@ use crate::error::{Error, Result};
 
 /// The files that kernels may import.
 const LIBRARY: &[(&str, &str)] = &[
+    ("lib/angle", include_str!("../../shaders/lib/angle.wgsl")),
     ("lib/atlas", include_str!("../../shaders/lib/atlas.wgsl")),
     ("lib/corners", include_str!("../../shaders/lib/corners.wgsl")),
     ("lib/derivative", include_str!("../../shaders/lib/derivative.wgsl")),
     ("lib/encoding", include_str!("../../shaders/lib/encoding.wgsl")),
+    ("lib/faces", include_str!("../../shaders/lib/faces.wgsl")),
     ("lib/footprint", include_str!("../../shaders/lib/footprint.wgsl")),
     ("lib/frame", include_str!("../../shaders/lib/frame.wgsl")),
     ("lib/gradients", include_str!("../../shaders/lib/gradients.wgsl")),
     ("lib/matching", include_str!("../../shaders/lib/matching.wgsl")),
     ("lib/mean_value", include_str!("../../shaders/lib/mean_value.wgsl")),
+    ("lib/mean_value_3d", include_str!("../../shaders/lib/mean_value_3d.wgsl")),
     ("lib/newton", include_str!("../../shaders/lib/newton.wgsl")),
     ("lib/padding", include_str!("../../shaders/lib/padding.wgsl")),
     ("lib/phong", include_str!("../../shaders/lib/phong.wgsl")),

@@ -32,7 +32,7 @@ struct Node {
 pub(crate) fn continuous_knots<E>(
     eps: f64,
     most: usize,
-    minima: &mut dyn FnMut(&[(f64, f64)]) -> Result<Vec<f64>, E>,
+    mut minima: impl FnMut(&[(f64, f64)]) -> Result<Vec<f64>, E>,
 ) -> Result<Vec<f64>, E> {
     let mut knots = vec![0.0, 1.0];
     let mut depth = vec![Node { interval: (0.0, 1.0), moved: (0.0, 1.0), active: 1.0 }];

@@ -4,6 +4,7 @@ mod anchors;
 mod animate;
 mod attributes;
 mod batch;
+mod cage;
 mod decal;
 mod deform;
 mod faults;

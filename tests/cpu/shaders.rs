@@ -11,6 +11,7 @@ fn kernels() -> Vec<&'static Kernel> {
         barymap::encoding::gpu::KERNELS,
         barymap::engine::KERNELS,
         barymap::mapping::plane::gpu::KERNELS,
+        barymap::mapping::space::gpu::KERNELS,
         barymap::surface::gpu::KERNELS,
         barymap::tools::transfer::gpu::KERNELS,
         barymap::tools::warp::gpu::KERNELS,

@@ -15,6 +15,7 @@ mod plane;
 #[path = "../common/plane.rs"]
 mod plane_cases;
 mod remesh;
+mod space;
 mod surface;
 mod transfer;
 mod transfer_sample;

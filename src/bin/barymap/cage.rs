@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use barymap::Result;
+use barymap::engine::Engine;
 use barymap::geometry::Mesh;
 use barymap::mapping::space::{Cage, PartitionKind, PartitionOptions, RESOLUTION};
 use barymap::tools::cage::{CageOptions, Caged, PathKind, map_by_cage, pose};
@@ -10,7 +11,7 @@ use barymap::{Error, io};
 use clap::ValueEnum;
 use serde_json::{Value, json};
 
-use crate::common::{Common, Session, check_outputs, usage};
+use crate::common::{BackendName, Common, Session, check_outputs, usage};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -74,6 +75,11 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         _ => return Err(usage("--output", "the format is not known by its name", "Write to a .obj or .ply file")),
     };
     let mut session = Session::start(common)?;
+    // A software adapter runs the kernels on the same processor, slower than the processor's own code.
+    let software = session.engine.gpu().is_some_and(|g| g.capabilities().software);
+    if software && matches!(common.backend, BackendName::Auto) {
+        session.engine = Engine::cpu();
+    }
     let mut model = read(&session, &arguments.mesh)?;
     let cage = Cage::new(&read(&session, &arguments.from)?, &read(&session, &arguments.to)?)?;
     session.watch.lap("read");
@@ -158,7 +164,7 @@ fn tell(session: &Session<'_>, model: &Mesh, caged: &Caged) {
     let crossing = &caged.partition.intersections;
     if let Some(first) = crossing.first() {
         session.warn(&format!(
-            "the cage intersects itself at {} of {} knots, the first t = {} ({} pairs of triangles, first {} and {})",
+            "the cage intersects itself at {} of {} knots, the first t = {} ({} pairs of triangles, first {} and {}): no map avoids folds there",
             crossing.len(),
             caged.partition.knots.len(),
             first.knot,

@@ -125,7 +125,7 @@ impl CompositeMap {
         let frame = self.frame(k);
         let step = Step::new(&self.triangles, &self.polyhedra[k], &self.polyhedra[k], self.scale);
         let at: Vec<[f64; 3]> = points.iter().map(|&p| frame.local(p)).collect();
-        step.evaluate_all(Lanes::detect(), &at).into_iter().map(|e| e.inside).collect()
+        step.inside_all(Lanes::detect(), &at)
     }
 }
 

@@ -6,7 +6,7 @@
 
 use glam::DVec3;
 
-use super::{Evaluation, Frame, Step};
+use super::{Evaluation, Frame, Step, gpu};
 use crate::engine::{Backend, Engine, Lanes, Real};
 use crate::error::{Error, Result};
 
@@ -116,9 +116,19 @@ impl Samples {
         Ok(Self { points, cells })
     }
 
+    /// No samples.
+    pub fn none() -> Self {
+        Self { points: Vec::new(), cells: 0 }
+    }
+
     /// How many there are, those outside included.
     pub fn count(&self) -> usize {
         self.points.len()
+    }
+
+    /// Their local coordinates.
+    pub fn points(&self) -> &[[f32; 3]] {
+        &self.points
     }
 }
 
@@ -190,11 +200,17 @@ pub fn jacobian_min_3d(
     Ok(best)
 }
 
-/// The smallest Jacobian of every [`PIECE`] points.
-fn piece_minima(engine: &Engine, step: &Step<f64>, points: &[[f32; 3]]) -> Result<Vec<PieceMinimum3d>> {
+/// The smallest Jacobian inside of every [`PIECE`] points, where `engine` works. What the kernel cannot do the CPU does.
+///
+/// # Errors
+/// [`Error::Device`] and [`Error::Memory`] of the device.
+pub fn piece_minima(engine: &Engine, step: &Step<f64>, points: &[[f32; 3]]) -> Result<Vec<PieceMinimum3d>> {
     if engine.backend() == Backend::Reference {
         let wide: Vec<[f64; 3]> = points.iter().map(|p| p.map(f64::from)).collect();
         return Ok(pieces_of(&step.evaluate_all(Lanes::scalar(), &wide)));
+    }
+    if let Some(device) = engine.gpu_for("jacobian_min_3d").filter(|_| gpu::fits(step)) {
+        return gpu::piece_minima_on_device(device, step, points);
     }
     Ok(piece_minima_on_cpu(Lanes::detect(), &step.cast(), points))
 }

@@ -246,8 +246,9 @@ pub(super) struct Edge<L> {
     tilt: L,
 }
 
+/// The edge with its ends at `t1` and `t2` along it and the foot `b` beside it, for h^2 and its inverse.
 #[inline(always)]
-fn edge<L: Lane, const GRADIENT: bool>(cpu: L::Cpu, length: L, b: L, h2: L, t1: L, t2: L) -> Edge<L> {
+fn edge<L: Lane, const GRADIENT: bool>(cpu: L::Cpu, length: L, b: L, [h2, over]: [L; 2], t1: L, t2: L) -> Edge<L> {
     let (zero, half) = (L::num(cpu, 0.0), L::num(cpu, 0.5));
     let across = b.abs();
     let (b2, tau) = (b * b, t1 * t2);
@@ -257,14 +258,14 @@ fn edge<L: Lane, const GRADIENT: bool>(cpu: L::Cpu, length: L, b: L, h2: L, t1: 
     let (near, far) = (b2 + tau, beta2 + tau);
     let phi = angle(cpu, across * length, near);
     let theta = angle(cpu, beta * length, far);
-    let sum = beta + across;
+    let part = L::num(cpu, 1.0) / (beta + across);
     // The angle phi - theta over h^2.
     let product = across * beta;
-    let s = h2 * (length * (product - tau) / sum);
+    let s = h2 * (length * (product - tau) * part);
     let c = near.mul_add(far, product * (length * length));
-    let shift = angle(cpu, s.abs(), c) / h2;
+    let shift = angle(cpu, s.abs(), c) * over;
     let shift = L::select(s.lt(zero), -shift, shift);
-    let mut k = inverse * (phi / sum + across * shift);
+    let mut k = inverse * (phi * part + across * shift);
     let e = theta * inverse;
     let (mut fourth, mut tilt) = (zero, zero);
     if GRADIENT {
@@ -307,6 +308,7 @@ pub(super) fn add_face<L: Lane, const GRADIENT: bool>(
     let seen = view(cpu, face, x);
     let h = seen.h;
     let h2 = h * h;
+    let over = L::num(cpu, 1.0) / h2;
     let n = vector::<L>(cpu, face.normal);
     let inside = L::select(seen.margin().lt(zero), zero, L::num(cpu, std::f64::consts::PI));
     let moved = sub(seen.displacement(cpu, face), base);
@@ -318,7 +320,7 @@ pub(super) fn add_face<L: Lane, const GRADIENT: bool>(
         let direction = vector::<L>(cpu, face.edges[j]);
         let (t1, t2) = (dot(direction, seen.a[k]), dot(direction, seen.a[l]));
         let b = seen.b[j];
-        let part = edge::<L, GRADIENT>(cpu, L::splat(cpu, face.lengths[j]), b, h2, t1, t2);
+        let part = edge::<L, GRADIENT>(cpu, L::splat(cpu, face.lengths[j]), b, [h2, over], t1, t2);
         green = green + part.k;
         let slope = vector::<L>(cpu, face.slopes[j]);
         add(&mut tangent, part.e, slope);
@@ -336,7 +338,7 @@ pub(super) fn add_face<L: Lane, const GRADIENT: bool>(
             }
         }
     }
-    let fourth = inside / h2 - half * green;
+    let fourth = inside * over - half * green;
     let weight = h * fourth;
     sums.weight = sums.weight + weight;
     add(&mut sums.moved, weight, moved);
@@ -362,7 +364,7 @@ pub(super) fn corner_weights(face: &Face<f64>, x: [f64; 3]) -> [f64; 3] {
     for j in 0..3 {
         let (k, l) = ((j + 1) % 3, (j + 2) % 3);
         let (t1, t2) = (dot(face.edges[j], seen.a[k]), dot(face.edges[j], seen.a[l]));
-        let part = edge::<f64, false>((), face.lengths[j], seen.b[j], h2, t1, t2);
+        let part = edge::<f64, false>((), face.lengths[j], seen.b[j], [h2, 1.0 / h2], t1, t2);
         green += part.k;
         e[j] = part.e;
     }

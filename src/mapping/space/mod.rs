@@ -3,8 +3,11 @@
 mod angle;
 mod cage;
 mod composite;
+#[cfg(test)]
+mod composite_tests;
 mod face;
 mod frame;
+pub mod gpu;
 mod intersect;
 mod inverse;
 mod jacobian_min;
@@ -23,7 +26,7 @@ pub use composite::{CompositeMap, Mapped};
 pub use frame::Frame;
 pub use intersect::self_intersections;
 pub use jacobian_min::{
-    MOST_RESOLUTION, Minimum, MinimumKind, PIECE, PieceMinimum3d, RESOLUTION, Samples, jacobian_min_3d,
+    MOST_RESOLUTION, Minimum, MinimumKind, PIECE, PieceMinimum3d, RESOLUTION, Samples, jacobian_min_3d, piece_minima,
     piece_minima_on_cpu,
 };
 pub use map_points::map_points_3d;

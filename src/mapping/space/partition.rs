@@ -121,8 +121,8 @@ pub fn partition(
     let start = match options.kind {
         PartitionKind::Direct | PartitionKind::Binary => vec![0.0, 1.0],
         PartitionKind::Uniform(m) => (0..=m).map(|k| f64::from(k) / f64::from(m)).collect(),
-        PartitionKind::Continuous => continuous_knots(options.eps, most, &mut |intervals: &[(f64, f64)]| {
-            intervals.iter().map(|&(a, b)| Ok(walk.minimum(a, b, &[])?.1.value)).collect::<Result<Vec<f64>>>()
+        PartitionKind::Continuous => continuous_knots(options.eps, most, |intervals: &[(f64, f64)]| {
+            intervals.iter().map(|&(a, b)| Ok(walk.minimum(a, b)?.1.value)).collect::<Result<Vec<f64>>>()
         })?,
     };
     let refine = matches!(options.kind, PartitionKind::Binary | PartitionKind::Continuous);
@@ -131,10 +131,15 @@ pub fn partition(
     let mut left: Vec<(f64, f64)> = start.windows(2).rev().map(|w| (w[0], w[1])).collect();
     let mut steps = Vec::new();
     while let Some((a, b)) = left.pop() {
-        let (step, minimum) = walk.minimum(a, b, &at)?;
-        progress.advance(1);
         let c = (a + b) / 2.0;
         let finer = b - a > options.eps && steps.len() + left.len() < most && a < c && c < b;
+        let (step, mut minimum) = walk.minimum(a, b)?;
+        progress.advance(1);
+        // Where the samples of the inside fold already, the model need not be asked.
+        if minimum.positive() || !(refine && finer) {
+            let found = jacobian_min_3d(engine, &step, &walk.frame(a)?, &Samples::none(), &at)?;
+            minimum = if found.value < minimum.value { found } else { minimum };
+        }
         if refine && finer && !minimum.positive() {
             left.extend([(c, b), (a, c)]);
             continue;
@@ -208,13 +213,13 @@ impl Walk<'_> {
         Ok(Frame::of(self.at(t)?, scale))
     }
 
-    /// The step over an interval and its smallest Jacobian.
-    fn minimum(&mut self, a: f64, b: f64, model: &[[f32; 3]]) -> Result<(Step<f64>, Minimum)> {
+    /// The step over an interval and the smallest Jacobian of its samples.
+    fn minimum(&mut self, a: f64, b: f64) -> Result<(Step<f64>, Minimum)> {
         let frame = self.frame(a)?;
         let (from, to) = (self.at(a)?.to_vec(), self.at(b)?.to_vec());
         let step = Step::new(&self.cage.triangles, &from, &to, self.scale);
         let samples = Samples::new(&step, self.resolution)?;
-        let minimum = jacobian_min_3d(self.engine, &step, &frame, &samples, model)?;
+        let minimum = jacobian_min_3d(self.engine, &step, &frame, &samples, &[])?;
         Ok((step, minimum))
     }
 }

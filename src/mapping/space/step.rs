@@ -25,7 +25,7 @@ const ON_EDGE: f64 = 16.0;
 pub struct Evaluation<R> {
     /// The image.
     pub point: [R; 3],
-    /// Derivative, row by row: entry [r][c] is that of coordinate r by coordinate c.
+    /// Derivative, row by row: row r, column c is that of coordinate r by coordinate c.
     pub derivative: [[R; 3]; 3],
     /// Its determinant.
     pub jacobian: R,
@@ -204,6 +204,7 @@ struct Work<'a, E, const GRADIENT: bool> {
     /// Component by component, in and out.
     points: &'a mut [Vec<E>; 3],
     derivatives: &'a mut [Vec<E>; 9],
+    /// Sums of the weights; empty where they are not wanted.
     weights: &'a mut [E],
     /// Whether a point is on an edge, where the lanes have no derivative.
     edge: &'a mut [bool],
@@ -223,7 +224,6 @@ impl<E: LaneScalar, const GRADIENT: bool> Sweep<E> for Work<'_, E, GRADIENT> {
                 if L::any(cpu, found.edge.lt(L::splat(cpu, on_edge::<E>()))) {
                     self.edge[at..at + L::N].fill(true);
                 }
-                found.weight.store(&mut self.weights[at..]);
                 for k in 0..9 {
                     let mut d = found.change[k / 3][k % 3];
                     if k % 4 == 0 {
@@ -231,6 +231,9 @@ impl<E: LaneScalar, const GRADIENT: bool> Sweep<E> for Work<'_, E, GRADIENT> {
                     }
                     d.store(&mut self.derivatives[k][at..]);
                 }
+            }
+            if !self.weights.is_empty() {
+                found.weight.store(&mut self.weights[at..]);
             }
             for k in 0..3 {
                 (x[k] + found.moved[k]).store(&mut self.points[k][at..]);
@@ -255,6 +258,25 @@ impl<E: LaneScalar + Lane<Cpu = (), E = E>> Step<E> {
                 *p = [columns[0][i], columns[1][i], columns[2][i]];
             }
         });
+    }
+
+    /// Whether each of `points` lies in the polyhedron the step starts from, faces included: the sum of the weights is positive there and
+    /// negative outside.
+    pub fn inside_all(&self, lanes: Lanes, points: &[[E; 3]]) -> Vec<bool> {
+        let inside = |points: &[[E; 3]]| {
+            let mut columns = columns(points);
+            let mut weights = vec![E::ZERO; columns[0].len()];
+            lanes.run(Work::<E, false> {
+                step: self,
+                points: &mut columns,
+                derivatives: &mut Default::default(),
+                weights: &mut weights,
+                edge: &mut [],
+            });
+            weights.truncate(points.len());
+            weights.into_iter().map(|w| w > E::ZERO).collect::<Vec<_>>()
+        };
+        points.par_chunks(CHUNK).flat_map_iter(inside).collect()
     }
 
     /// As [`Step::evaluate`] for many points, on lanes, in parallel.

@@ -16,8 +16,11 @@ fn local(p: DVec3) -> [f64; 3] {
     p.to_array()
 }
 
+/// A name, triangles and vertices.
+type Case = (&'static str, Vec<[u32; 3]>, Vec<DVec3>);
+
 /// The cages of the tests: already in local coordinates, so that a step with the scale 1 changes nothing.
-fn cages() -> Vec<(&'static str, Vec<[u32; 3]>, Vec<DVec3>)> {
+fn cages() -> Vec<Case> {
     let all = [("cube", cube()), ("box", box_cage(3)), ("dented", dented()), ("sphere", sphere())];
     all.into_iter().map(|(name, (triangles, vertices))| (name, triangles, vertices)).collect()
 }

@@ -83,3 +83,70 @@ impl VertexPath for Encoded {
         "encoded"
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Corner;
+    use crate::mapping::space::{Linear, volume};
+    use crate::models::shapes::uv_sphere;
+
+    /// A ball, and the same turned about y by `degrees` between its poles.
+    fn twisted(degrees: f64) -> Cage {
+        let from = uv_sphere(1.0, 12, 8);
+        let mut to = from.clone();
+        let turn = |p: DVec3| glam::DQuat::from_rotation_y(degrees.to_radians() * 0.5 * p.y) * p;
+        to.positions.iter_mut().for_each(|p| *p = turn(*p));
+        Cage::new(&from, &to).unwrap()
+    }
+
+    #[test]
+    fn the_path_begins_and_ends_at_the_cages_and_is_continuous() {
+        let cage = twisted(120.0);
+        let path = Encoded::new(&cage).unwrap();
+        assert_eq!(path.notes, Vec::<String>::new());
+        assert_eq!(path.positions(0.0).unwrap(), cage.source);
+        assert_eq!(path.positions(1.0).unwrap(), cage.target);
+        let mut before = cage.source.clone();
+        for k in 1..=512 {
+            let here = path.positions(f64::from(k) / 512.0).unwrap();
+            let stride = before.iter().zip(&here).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+            // The whole way is two thirds of a turn at most.
+            assert!(stride < 0.02, "{k}: {stride}");
+            before = here;
+        }
+        assert_eq!(path.positions(0.3).unwrap(), path.positions(0.3).unwrap());
+        assert_eq!(Encoded::new(&cage).unwrap().positions(0.7).unwrap(), path.positions(0.7).unwrap());
+    }
+
+    #[test]
+    fn a_twist_keeps_its_volume_on_the_way_where_the_straight_path_shrinks() {
+        let cage = twisted(180.0);
+        // Half of the twist is what the middle should be.
+        let half = volume(&cage.triangles, &twisted(90.0).target);
+        let middle = |path: &dyn VertexPath| volume(&cage.triangles, &path.positions(0.5).unwrap()) / half;
+        let (encoded, linear) = (middle(&Encoded::new(&cage).unwrap()), middle(&Linear::new(&cage)));
+        assert!(encoded > 0.95 && encoded < 1.25 && linear < 0.9, "{encoded} {linear}");
+    }
+
+    #[test]
+    fn the_smallest_cage_has_a_path_or_says_why_not() {
+        // The smallest closed cage there is.
+        let mut builder = crate::geometry::MeshBuilder::new("tetrahedron");
+        builder.mesh.positions = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
+        for t in [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]] {
+            builder.polygon(t.map(|vertex| Corner {
+                vertex,
+                texcoord: crate::geometry::NONE,
+                normal: crate::geometry::NONE,
+            }));
+        }
+        let mesh = builder.build();
+        let mut moved = mesh.clone();
+        moved.positions[3] *= 2.0;
+        let cage = Cage::new(&mesh, &moved).unwrap();
+        if let Ok(path) = Encoded::new(&cage) {
+            assert!(path.positions(0.5).unwrap().iter().all(|p| p.is_finite()));
+        }
+    }
+}

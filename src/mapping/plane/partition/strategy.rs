@@ -69,7 +69,7 @@ impl Steps<'_, '_> {
 
     /// Section 4.4.
     fn continuous(&mut self, limits: &Limits) -> Result<Vec<f64>, Stop> {
-        continuous_knots(limits.eps, limits.steps, &mut |intervals: &[(f64, f64)]| {
+        continuous_knots(limits.eps, limits.steps, |intervals: &[(f64, f64)]| {
             Ok(self.minima(intervals)?.iter().map(|minimum| minimum.value).collect())
         })
     }
