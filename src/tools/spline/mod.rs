@@ -29,9 +29,9 @@ use curve::{Curve, Sample};
 use layout::Layout;
 
 /// Largest number of samples.
-const MOST_SAMPLES: usize = 10_000_000;
+const MOST_SAMPLES: usize = 2_000_000;
 /// Points that a curve may be expected to take.
-const MOST_POINTS: f64 = 3e7;
+const MOST_POINTS: f64 = 3e6;
 /// Smallest tolerance, in diagonals of the mesh.
 const LEAST_TOLERANCE: f64 = 1e-9;
 /// Control points of a subdivided curve at most.
