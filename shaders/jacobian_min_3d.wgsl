@@ -31,18 +31,7 @@ fn closest(x: vec3f) -> vec3f {
     for (var k = 0u; k < params.faces; k++) {
         let f = face(k);
         let seen = view(f, x);
-        if seen.squares.x < least {
-            least = seen.squares.x;
-            base = f.u;
-        }
-        if seen.squares.y < least {
-            least = seen.squares.y;
-            base = f.u + slope(f, f.v1 - f.v0);
-        }
-        if seen.squares.z < least {
-            least = seen.squares.z;
-            base = f.u + slope(f, f.v2 - f.v0);
-        }
+        take_nearest(f, seen, &least, &base);
         let flat = seen.h * seen.h;
         if min(min(seen.b.x, seen.b.y), seen.b.z) >= 0.0 && flat < least {
             least = flat;

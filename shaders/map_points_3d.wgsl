@@ -31,18 +31,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         let seen = view(f, x);
         let h = seen.h;
         let h2 = h * h;
-        if seen.squares.x < least {
-            least = seen.squares.x;
-            corner = f.u;
-        }
-        if seen.squares.y < least {
-            least = seen.squares.y;
-            corner = f.u + slope(f, f.v1 - f.v0);
-        }
-        if seen.squares.z < least {
-            least = seen.squares.z;
-            corner = f.u + slope(f, f.v2 - f.v0);
-        }
+        take_nearest(f, seen, &least, &corner);
         let p0 = edge_part(f.e0.w, seen.b.x, h2, dot(f.e0.xyz, seen.a1), dot(f.e0.xyz, seen.a2));
         let p1 = edge_part(f.e1.w, seen.b.y, h2, dot(f.e1.xyz, seen.a2), dot(f.e1.xyz, seen.a0));
         let p2 = edge_part(f.e2.w, seen.b.z, h2, dot(f.e2.xyz, seen.a0), dot(f.e2.xyz, seen.a1));

@@ -71,6 +71,22 @@ fn slope(f: Face, m: vec3f) -> vec3f {
     return vec3f(dot(f.g0, m), dot(f.g1, m), dot(f.g2, m));
 }
 
+// Takes the displacement of each corner that is nearer than `least`.
+fn take_nearest(f: Face, seen: View, least: ptr<function, f32>, place: ptr<function, vec3f>) {
+    if seen.squares.x < *least {
+        *least = seen.squares.x;
+        *place = f.u;
+    }
+    if seen.squares.y < *least {
+        *least = seen.squares.y;
+        *place = f.u + slope(f, f.v1 - f.v0);
+    }
+    if seen.squares.z < *least {
+        *least = seen.squares.z;
+        *place = f.u + slope(f, f.v2 - f.v0);
+    }
+}
+
 // What an edge contributes: sign(b) K, E, and with derivatives the integrals of r^-4 and t r^-4.
 struct Edge {
     k: f32,
