@@ -47,13 +47,12 @@ impl<const D: usize> Forward<D> {
     /// Prepares the surface of `shape`. O(F D + V log V).
     ///
     /// # Errors
-    /// As [`PhongSurface::new`].
-    ///
-    /// # Panics
-    /// If the embedding is missing or not in D dimensions.
+    /// [`Error::Input`] if the embedding is missing or not in D dimensions; as [`PhongSurface::new`].
     pub fn new(shape: Shape<'_>) -> Result<Self> {
-        let points = shape.embedding.map(|e| e.points.as_slice()).unwrap_or_default();
-        let surface = PhongSurface::new(shape.topology, points)?;
+        let Some(embedding) = shape.embedding.filter(|e| e.dimension == D) else {
+            return Err(Error::input("an embedding is missing", format!("Embed the mesh in {D} dimensions")));
+        };
+        let surface = PhongSurface::new(shape.topology, &embedding.points)?;
         let nearest = NearestVertex::new(&surface);
         Ok(Self { surface, nearest })
     }

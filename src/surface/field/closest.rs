@@ -116,6 +116,12 @@ impl<'a, const K: usize> ClosestOnSurface<'a, K> {
         }
     }
 
+    /// The same from a triangle at the vertex `start`; from the nearest vertex where that is unknown (`NONE`).
+    pub(super) fn follow_from(&self, place: Place<'_, K>, start: u32) -> Option<Closest> {
+        let fan = if start == NONE { &[] } else { self.surface.fan(start) };
+        fan.first().map_or_else(|| self.near(place, NONE), |&t| self.follow(place, t))
+    }
+
     /// A vertex near a point that was found, to start from when it has moved.
     pub(super) fn vertex(&self, c: &Closest) -> u32 {
         let [a, b, d] = c.x;

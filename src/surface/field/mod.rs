@@ -259,7 +259,8 @@ impl<S: Real, const K: usize> Field<S, K> {
             })
             .collect();
         let faces = |z: &[Vector<f64, K>], starts: &[u32]| -> Vec<u32> {
-            triangles.par_iter().map(|t| start_face(&closest, z, starts, *t)).collect()
+            let start = |t: &[u32; 3]| closest.near((&middle(z, *t), &FLAT), starts[t[0] as usize]);
+            triangles.par_iter().map(|t| start(t).map_or(NONE, |c| c.face)).collect()
         };
         let mut start_faces = faces(&z, &starts);
         let mut turned = Repaired::default();
@@ -309,11 +310,12 @@ impl<S: Real, const K: usize> Field<S, K> {
                 if !moved[v] || starts[v] == NONE {
                     return starts[v];
                 }
-                closest.near((&z[v], &FLAT), starts[v]).map_or(NONE, |c| closest.vertex(&c))
+                closest.follow_from((&z[v], &FLAT), starts[v]).map_or(NONE, |c| closest.vertex(&c))
             })
             .collect();
+        let start = |t: [u32; 3]| closest.follow_from((&middle(z, t), &FLAT), starts[t[0] as usize]);
         let faces: Vec<u32> =
-            triangles.par_iter().map(|&t| start_face(&closest, z, &starts, self.triangles[t as usize])).collect();
+            triangles.par_iter().map(|&t| start(self.triangles[t as usize]).map_or(NONE, |c| c.face)).collect();
         triangles.iter().zip(faces).for_each(|(&t, face)| self.start_faces[t as usize] = face);
         self.z = z.iter().map(cast).collect();
         self.starts = starts;
@@ -403,15 +405,9 @@ fn framed<const K: usize>(surface: &PhongSurface<f64, K>, z: Vector<f64, K>) -> 
     std::array::from_fn(|k| (z[k] - surface.centre[k]) / surface.edge)
 }
 
-/// The triangle of the source where the middle of a triangle of the target goes.
-fn start_face<const K: usize>(
-    closest: &ClosestOnSurface<'_, K>,
-    z: &[Vector<f64, K>],
-    starts: &[u32],
-    t: [u32; 3],
-) -> u32 {
-    let middle = combine(&[1.0 / 3.0; 3], t.map(|v| &z[v as usize]));
-    closest.near((&middle, &FLAT), starts[t[0] as usize]).map_or(NONE, |c| c.face)
+/// The middle of a triangle.
+fn middle<const K: usize>(z: &[Vector<f64, K>], t: [u32; 3]) -> Vector<f64, K> {
+    combine(&[1.0 / 3.0; 3], t.map(|v| &z[v as usize]))
 }
 
 /// How much more anchors left out are made to count where there are few: four determine an affine map of space, and a mixture fits what so few say by chance.

@@ -178,7 +178,9 @@ impl<'a, S: Real, const D: usize, const K: usize> FieldSession<'a, S, D, K> {
         };
         let pull = |v: usize| {
             let normal = normals.as_ref().map_or(&FLAT, |n| &n[v]);
-            closest.near((&here[v], normal), field.starts[v]).map_or([0.0; K], |c| sub(&closest.point(&c), &here[v]))
+            closest
+                .follow_from((&here[v], normal), field.starts[v])
+                .map_or([0.0; K], |c| sub(&closest.point(&c), &here[v]))
         };
         let pulls: Vec<Vector<f64, K>> = (0..z.len()).into_par_iter().map(pull).collect();
         let mut free = Mat::from_fn(z.len(), K, |v, k| pair.shapes.bending.mass[v] * (first[v][k] + pulls[v][k]));
