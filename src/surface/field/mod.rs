@@ -127,6 +127,13 @@ struct Predicted<const K: usize> {
     anchors: Vec<Vector<f64, K>>,
     /// What a unit of length in space is there.
     unit: f64,
+    /// The error to be expected of the images, in space at unit area.
+    error: f64,
+}
+
+/// The error to be expected where none is known: a part of the distance between anchors.
+fn usual_error(anchors: usize) -> f64 {
+    0.1 / (anchors.max(1) as f64).sqrt()
 }
 
 impl<S: Real> Field<S, 4> {
@@ -148,6 +155,7 @@ impl<S: Real> Field<S, 4> {
                 .collect(),
             anchors: to.into_iter().map(place).collect(),
             unit: 1.0,
+            error: usual_error(anchors.len()),
         };
         Self::drawn(&shapes, predicted, anchors, true)
     }
@@ -196,6 +204,7 @@ impl<S: Real, const K: usize> Field<S, K> {
                 .collect(),
             anchors: known.b.iter().zip(&known.t).map(|(b, t)| joined(b, lambda, t.to_array())).collect(),
             unit: lambda,
+            error: if spatial.error().is_finite() { spatial.error() } else { usual_error(known.a.len()) },
         };
         let mut field = Self::drawn(shapes, predicted, anchors, options.relax)?;
         // A step along the surface is this much longer in both spaces together, and so is what a projection is off by.
@@ -247,7 +256,7 @@ impl<S: Real, const K: usize> Field<S, K> {
             let pins: Vec<Pin<K>> = anchors.target.iter().zip(&predicted.anchors).map(pin).collect();
             let own = &shapes.source.topology.triangles;
             let unit = predicted.unit / reference.edge;
-            let begun = Relief::new(&shapes.source.mesh.positions, own, pins.len(), unit);
+            let begun = Relief::new(&shapes.source.mesh.positions, own, predicted.error * unit);
             let relaxed = relax(&shapes.bending, &closest, begun, [&triangles, own], &pins, &mut z)?;
             starts = relaxed.0;
             relief = Some(relaxed.1);

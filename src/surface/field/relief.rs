@@ -9,9 +9,9 @@ use rayon::prelude::*;
 use super::closest::{Closest, FLAT, Normal};
 use crate::surface::vector::Vector;
 
-/// How much a turn by a radian counts, in parts of the distance between anchors (one over the square root of their number, at unit area): a bump with this radius of curvature tells
-/// as much about places along the surface as the distance does.
-const WEIGHT: f64 = 0.2;
+/// How much a turn by a radian counts, in parts of the error to be expected of a prediction: where predictions are poor, normals may move images far, and where they are good, the little by
+/// which two shapes differ must not.
+const WEIGHT: f64 = 2.0;
 
 /// The normals of a source, and how those of a target are compared with them.
 #[derive(Clone, Debug)]
@@ -24,9 +24,9 @@ pub(super) struct Relief {
 }
 
 impl Relief {
-    /// `unit` is the length of unit area in the frame of the images.
-    pub(super) fn new(positions: &[DVec3], triangles: &[[u32; 3]], anchors: usize, unit: f64) -> Self {
-        let weight = WEIGHT / (anchors.max(1) as f64).sqrt() * unit;
+    /// `error` is that of the images, in their frame.
+    pub(super) fn new(positions: &[DVec3], triangles: &[[u32; 3]], error: f64) -> Self {
+        let weight = WEIGHT * error;
         let source = normals(positions, triangles, weight);
         Self { source, weight, sign: 1.0 }
     }
@@ -95,7 +95,7 @@ mod tests {
             let positions: Vec<DVec3> = images(mirror).iter().map(|z| DVec3::new(z[0], z[1], z[2])).collect();
             let oriented: Vec<[u32; 3]> =
                 triangles.iter().map(|t| if mirror < 0.0 { [t[0], t[2], t[1]] } else { *t }).collect();
-            let mut relief = Relief::new(&positions, &oriented, 4, 1.0);
+            let mut relief = Relief::new(&positions, &oriented, 0.05);
             relief.orient(&relief.of(&images(mirror), &triangles), &own, &triangles);
             for (n, m) in relief.of(&images(mirror), &triangles).iter().zip(&relief.source) {
                 assert!((0..3).all(|k| (n[k] - m[k]).abs() < 1e-12), "{n:?} {m:?}");
@@ -105,7 +105,7 @@ mod tests {
         // Every other triangle turned round: what is left says nothing.
         let soup: Vec<[u32; 3]> =
             triangles.iter().enumerate().map(|(i, t)| if i % 2 == 0 { [t[0], t[2], t[1]] } else { *t }).collect();
-        let mut relief = Relief::new(&mesh.positions, &soup, 4, 1.0);
+        let mut relief = Relief::new(&mesh.positions, &soup, 0.05);
         relief.orient(&relief.of(&images(1.0), &triangles), &own, &triangles);
         assert!(relief.source.iter().all(|n| *n == FLAT));
         assert!(relief.of(&images(1.0), &triangles).iter().flatten().all(|x| *x == 0.0));
