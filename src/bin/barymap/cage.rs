@@ -11,7 +11,7 @@ use barymap::{Error, io};
 use clap::ValueEnum;
 use serde_json::{Value, json};
 
-use crate::common::{BackendName, Common, Session, check_outputs, usage};
+use crate::common::{BackendName, Common, Session, check_outputs, is_ply};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -68,12 +68,7 @@ fn partition_kind(text: &str) -> std::result::Result<PartitionKind, String> {
 
 pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     check_outputs([arguments.output.as_path()])?;
-    let extension = arguments.output.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
-    let ply = match extension.as_deref() {
-        Some("obj") => false,
-        Some("ply") => true,
-        _ => return Err(usage("--output", "the format is not known by its name", "Write to a .obj or .ply file")),
-    };
+    let ply = is_ply(&arguments.output)?;
     let mut session = Session::start(common)?;
     // A software adapter runs the kernels on the same processor, slower than the processor's own code.
     let software = session.engine.gpu().is_some_and(|g| g.capabilities().software);

@@ -327,6 +327,15 @@ pub(crate) fn size(text: &str) -> std::result::Result<(u32, u32), String> {
     }
 }
 
+/// Whether a mesh is written as PLY rather than OBJ, by the name of its file.
+pub(crate) fn is_ply(output: &Path) -> Result<bool> {
+    match output.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).as_deref() {
+        Some("obj") => Ok(false),
+        Some("ply") => Ok(true),
+        _ => Err(usage("--output", "the format is not known by its name", "Write to a .obj or .ply file")),
+    }
+}
+
 /// An [`Error::Option`] for a wrong combination of options.
 pub(crate) fn usage(option: &str, what: &str, remedy: &str) -> Error {
     Error::option(option, what, remedy)

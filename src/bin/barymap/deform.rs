@@ -10,7 +10,7 @@ use barymap::tools::deform::{Deformer, Handles};
 use clap::ValueEnum;
 use serde_json::json;
 
-use crate::common::{BackendName, Common, Session, check_outputs, usage};
+use crate::common::{BackendName, Common, Session, check_outputs, is_ply, usage};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -51,12 +51,7 @@ enum QualityName {
 
 pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     check_outputs([arguments.output.as_path()])?;
-    let extension = arguments.output.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
-    let ply = match extension.as_deref() {
-        Some("obj") => false,
-        Some("ply") => true,
-        _ => return Err(usage("--output", "the format is not known by its name", "Write to a .obj or .ply file")),
-    };
+    let ply = is_ply(&arguments.output)?;
     if arguments.sweeps > 1000 {
         return Err(usage("--sweeps", "more than 1000", "Use --quality converged instead"));
     }
