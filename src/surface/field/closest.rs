@@ -10,6 +10,9 @@ use crate::surface::{NearestVertex, PhongSurface};
 /// A weighted normal, the fourth component zero.
 pub(in crate::surface) type Normal = Vector<f64, 4>;
 
+/// A triangle whose squared sine at its first corner is no more than this has no tangent plane.
+const THIN: f64 = 1e-12;
+
 /// A point whose normal does not count.
 pub(in crate::surface) const FLAT: Normal = [0.0; 4];
 
@@ -132,6 +135,21 @@ impl<'a, const K: usize> ClosestOnSurface<'a, K> {
     /// The place of a point that was found.
     pub(super) fn point(&self, c: &Closest) -> Vector<f64, K> {
         combine(&c.x, self.surface.triangles[c.face as usize].v.map(|v| &self.surface.vertices[v as usize].y))
+    }
+
+    /// The part of a displacement in R^K along the surface at a point that was found: its projection to the tangent plane of the surface with normals, where a step along the surface costs what
+    /// it turns. Zero for degenerate triangles.
+    pub(super) fn along(&self, c: &Closest, d: &Vector<f64, K>) -> Vector<f64, K> {
+        let v = self.surface.triangles[c.face as usize].v.map(|v| &self.surface.vertices[v as usize].y);
+        let (e, f) = (sub(v[1], v[0]), sub(v[2], v[0]));
+        let Some([ee, ef, ff]) = self.edges.get(c.face as usize).copied() else { return [0.0; K] };
+        let determinant = ee * ff - ef * ef;
+        if determinant <= THIN * ee * ff {
+            return [0.0; K];
+        }
+        let (de, df) = (dot(&e, d), dot(&f, d));
+        let (x, y) = ((ff * de - ef * df) / determinant, (ee * df - ef * de) / determinant);
+        std::array::from_fn(|k| x * e[k] + y * f[k])
     }
 
     fn normal(&self, v: u32) -> &Normal {

@@ -38,8 +38,6 @@ use crate::surface::project::{Found, Projection};
 use crate::surface::vector::{Vector, cast, combine};
 use crate::surface::{NearestVertex, PackedImage, PackedPoint, PhongSurface, PointMap};
 
-/// How much more than their ratio of errors the places in space count beside the embedding.
-const SPACE: f64 = 1.5;
 /// Bounds of lambda, where one of the two predictions is exact.
 const LAMBDA: [f64; 2] = [0.05, 20.0];
 /// A projection this many edges farther than 1.5 times the closest point is one onto another part of the surface.
@@ -184,7 +182,8 @@ impl<S: Real, const K: usize> Field<S, K> {
             return Err(Error::input("there are no anchors", "Give at least one pair, better twenty or more"));
         };
         let ratio = embedded.error() / spatial.error();
-        let lambda = if ratio.is_finite() { (SPACE * ratio).clamp(LAMBDA[0], LAMBDA[1]) } else { SPACE };
+        // Weights by errors would be their ratio; its square relies on the better one more than that, which is better on every kind of pair but the animals.
+        let lambda = if ratio.is_finite() { (ratio * ratio).clamp(LAMBDA[0], LAMBDA[1]) } else { 1.0 };
         let image = |v: usize| {
             let vertex = &from.surface.vertices[v];
             let place = (vertex.y.map(|x| x * from.edge), vertex.t);
