@@ -69,7 +69,7 @@ impl<'a, const K: usize> ClosestOnSurface<'a, K> {
         if !finite(place) {
             return None;
         }
-        let start = if start == NONE { self.vertices.find(place.0) } else { start };
+        let start = if start == NONE { self.vertices.find_one(place.0) } else { start };
         self.around(place, self.walk(place, start))
     }
 
@@ -84,7 +84,7 @@ impl<'a, const K: usize> ClosestOnSurface<'a, K> {
         if start == NONE || !finite(place) {
             return self.near(place, start);
         }
-        let starts = [start, index.find(&facing(place.0, place.1))].map(|v| self.walk(place, v));
+        let starts = [start, index.find_one(&facing(place.0, place.1))].map(|v| self.walk(place, v));
         let a = self.around(place, starts[0])?;
         if starts[1] == starts[0] {
             return Some(a);

@@ -24,7 +24,7 @@ pub use self::session::{Edit, FieldSession};
 
 use self::closest::{ClosestOnSurface, FLAT};
 use self::predict::Point;
-use self::relax::{Pin, relax, stiffness};
+use self::relax::{Pin, factors, relax, stiffness};
 use self::relief::Relief;
 use self::repair::{Images, Repaired};
 use crate::engine::Real;
@@ -116,11 +116,11 @@ fn joined<const D: usize, const K: usize>(y: &Vector<f64, D>, lambda: f64, x: [f
 }
 
 /// Where everything goes in R^K before it is drawn onto the source.
-struct Predicted<const K: usize> {
+struct Predicted<'a, const K: usize> {
     /// The vertices of the source.
     source: Vec<Vector<f64, K>>,
-    /// The image of each vertex of the target.
-    images: Vec<Vector<f64, K>>,
+    /// The image of a vertex of the target.
+    image: &'a (dyn Fn(usize) -> Vector<f64, K> + Sync),
     /// The image of each anchor.
     anchors: Vec<Vector<f64, K>>,
     /// What a unit of length in space is there.
@@ -147,10 +147,7 @@ impl<S: Real> Field<S, 4> {
         let warp = Warp::radial(&from, &to)?;
         let predicted = Predicted {
             source: (0..source.mesh.vertex_count()).map(|v| place(shapes.source_position(v))).collect(),
-            images: (0..shapes.used.len())
-                .into_par_iter()
-                .map(|v| if shapes.used[v] { place(warp.apply(shapes.target_position(v))) } else { [0.0; 4] })
-                .collect(),
+            image: &|v| place(warp.apply(shapes.target_position(v))),
             anchors: to.into_iter().map(place).collect(),
             unit: 1.0,
             error: usual_error(anchors.len()),
@@ -197,10 +194,7 @@ impl<S: Real, const K: usize> Field<S, K> {
         };
         let predicted = Predicted {
             source: (0..shapes.source.mesh.vertex_count()).map(row).collect(),
-            images: (0..shapes.used.len())
-                .into_par_iter()
-                .map(|v| if shapes.used[v] { image(v) } else { [0.0; K] })
-                .collect(),
+            image: &image,
             anchors: known.b.iter().zip(&known.t).map(|(b, t)| joined(b, lambda, t.to_array())).collect(),
             unit: lambda,
             error: if spatial.error().is_finite() { spatial.error() } else { usual_error(known.a.len()) },
@@ -237,37 +231,45 @@ impl<S: Real, const K: usize> Field<S, K> {
     }
 
     /// The field of a prediction, drawn onto the source if so asked. It vouches for every point, since nothing is known of errors.
-    fn drawn(shapes: &Shapes<'_>, predicted: Predicted<K>, anchors: &AnchorPairs, relaxed: bool) -> Result<Self> {
+    fn drawn(shapes: &Shapes<'_>, predicted: Predicted<'_, K>, anchors: &AnchorPairs, relaxed: bool) -> Result<Self> {
         let rows: Vec<f64> = predicted.source.concat();
         let reference = PhongSurface::<f64, K>::new(shapes.source.topology, &rows)?;
-        let vertices = NearestVertex::new(&reference);
-        let closest = ClosestOnSurface::new(&reference, &vertices);
         let framed = |z: &Vector<f64, K>| framed(&reference, *z);
-        let mut z: Vec<Vector<f64, K>> = predicted.images.iter().map(framed).collect();
-        let (mut starts, mut relief) = (vec![NONE; z.len()], None);
         let triangles = shapes.target.topology.triangles.clone();
-        if relaxed {
-            let pin = |(p, to): (&SurfacePoint, &Vector<f64, K>)| Pin {
-                v: triangles[p.face as usize],
-                x: p.barycentric,
-                to: framed(to),
-            };
-            let pins: Vec<Pin<K>> = anchors.target.iter().zip(&predicted.anchors).map(pin).collect();
+        let pin = |(p, to): (&SurfacePoint, &Vector<f64, K>)| Pin {
+            v: triangles[p.face as usize],
+            x: p.barycentric,
+            to: framed(to),
+        };
+        let pins: Vec<Pin<K>> = anchors.target.iter().zip(&predicted.anchors).map(pin).collect();
+        // Sequential work beside the prediction, which is the same for every thread.
+        let image = |v: usize| if shapes.used[v] { framed(&(predicted.image)(v)) } else { framed(&[0.0; K]) };
+        let images = || (0..shapes.used.len()).into_par_iter().map(image).collect();
+        let prepare = || {
+            let factors = || relaxed.then(|| factors(&shapes.bending, &pins)).transpose();
+            rayon::join(|| NearestVertex::new(&reference), factors)
+        };
+        let ((vertices, factors), mut z): (_, Vec<Vector<f64, K>>) = rayon::join(prepare, images);
+        let closest = ClosestOnSurface::new(&reference, &vertices);
+        let (mut near, mut relief) = (vec![NONE; z.len()], None);
+        if let Some(factors) = factors? {
             let own = &shapes.source.topology.triangles;
             let unit = predicted.unit / reference.edge;
             let begun = Relief::new(&shapes.source.mesh.positions, own, predicted.error * unit);
-            let relaxed = relax(&shapes.bending, &closest, begun, [&triangles, own], &pins, &mut z)?;
-            starts = relaxed.0;
+            let relaxed = relax(&shapes.bending, &closest, begun, [&triangles, own], (&pins, &factors), &mut z)?;
+            near = relaxed.0;
             relief = Some(relaxed.1);
         }
         let mut starts: Vec<u32> = (0..z.len())
             .into_par_iter()
             .map(|v| {
-                closest.near((&z[v], &FLAT), starts[v]).filter(|_| shapes.used[v]).map_or(NONE, |c| closest.vertex(&c))
+                let place = (&z[v], &FLAT);
+                let found = if near[v] == NONE { closest.near(place, NONE) } else { closest.follow(place, near[v]) };
+                found.filter(|_| shapes.used[v]).map_or(NONE, |c| closest.vertex(&c))
             })
             .collect();
         let faces = |z: &[Vector<f64, K>], starts: &[u32]| -> Vec<u32> {
-            let start = |t: &[u32; 3]| closest.near((&middle(z, *t), &FLAT), starts[t[0] as usize]);
+            let start = |t: &[u32; 3]| closest.follow_from((&middle(z, *t), &FLAT), starts[t[0] as usize]);
             triangles.par_iter().map(|t| start(t).map_or(NONE, |c| c.face)).collect()
         };
         let mut start_faces = faces(&z, &starts);

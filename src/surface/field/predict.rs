@@ -27,21 +27,23 @@ pub(super) struct Known<const D: usize> {
 /// A point of the target in both spaces.
 pub(super) type Point<const D: usize> = (Place<D>, DVec3);
 
-/// A map from points of the target to R^M.
-type Prediction<'a, const D: usize, const M: usize> = Box<dyn Fn(&Point<D>) -> [f64; M] + Sync + 'a>;
+/// A map from points of the target to R^M, and where that has a scale, affine in it.
+type Prediction<'a, const D: usize, const M: usize> = Box<dyn Fn(&Point<D>, f64) -> [f64; M] + Sync + 'a>;
 
 /// A prediction of points of R^M, with what it misses each anchor by when that is left out.
 pub(super) struct Predictor<'a, const D: usize, const M: usize> {
     /// For the report: predictions and their weights in the mixture.
     pub(super) parts: Vec<(&'static str, f64)>,
     predict: Prediction<'a, D, M>,
+    /// How much lengths grow; predictions with a scale differ in nothing else. `None` for those without.
+    scale: Option<f64>,
     /// Predicted minus given, anchor by anchor.
     pub(super) left_out: Vec<[f64; M]>,
 }
 
 impl<const D: usize, const M: usize> Predictor<'_, D, M> {
     pub(super) fn at(&self, point: &Point<D>) -> [f64; M] {
-        (self.predict)(point)
+        (self.predict)(point, self.scale.unwrap_or(1.0))
     }
 
     /// Root mean square of the errors of left out anchors, the worst tenth passed over.
@@ -76,8 +78,9 @@ fn mixed<const D: usize, const M: usize>(all: Vec<Predictor<'_, D, M>>) -> Optio
     let left_out = (0..usable[0].left_out.len())
         .map(|i| std::array::from_fn(|m| usable.iter().zip(&weights).map(|(p, w)| w * p.left_out[i][m]).sum()))
         .collect();
-    let parts: Vec<_> = usable.into_iter().zip(weights).filter(|(_, w)| *w > 0.0).collect();
-    let predict = move |p: &Point<D>| {
+    let mut parts: Vec<_> = usable.into_iter().zip(weights).filter(|(_, w)| *w > 0.0).collect();
+    join_scales(&mut parts);
+    let predict = move |p: &Point<D>, _: f64| {
         let mut sum = [0.0; M];
         for (part, w) in &parts {
             let one = part.at(p);
@@ -85,7 +88,22 @@ fn mixed<const D: usize, const M: usize>(all: Vec<Predictor<'_, D, M>>) -> Optio
         }
         sum
     };
-    Some(Predictor { parts: names, predict: Box::new(predict), left_out })
+    Some(Predictor { parts: names, predict: Box::new(predict), scale: None, left_out })
+}
+
+/// Makes one of the predictions that differ in their scale: being affine in it, their mixture is the same prediction with the mean scale, at half the cost.
+fn join_scales<const D: usize, const M: usize>(parts: &mut Vec<(Predictor<'_, D, M>, f64)>) {
+    let scaled = || parts.iter().filter_map(|(p, w)| p.scale.map(|s| (s, *w)));
+    let weight: f64 = scaled().map(|(_, w)| w).sum();
+    let mean = scaled().map(|(s, w)| s * w).sum::<f64>() / weight;
+    let mut first = true;
+    parts.retain_mut(|(p, w)| {
+        if p.scale.is_none() {
+            return true;
+        }
+        (p.scale, *w) = (Some(mean), weight);
+        std::mem::take(&mut first)
+    });
 }
 
 /// The weights `w >= 0`, `sum w = 1`, that minimise `w' G w` for a positive semidefinite G: weight is shifted between two at a time. Those below a fiftieth are dropped.
@@ -163,7 +181,8 @@ impl<const D: usize> Known<D> {
                 .into_iter()
                 .map(|(name, scale)| Predictor {
                     parts: one(name),
-                    predict: Box::new(move |p: &Point<D>| rigid(&p.0.0, sides, &global, scale, None)),
+                    predict: Box::new(move |p: &Point<D>, scale| rigid(&p.0.0, sides, &global, scale, None)),
+                    scale: Some(scale),
                     left_out: (0..n)
                         .into_par_iter()
                         .map(|i| sub(&rigid(&self.a[i], sides, &global, scale, Some(i)), &self.b[i]))
@@ -173,7 +192,8 @@ impl<const D: usize> Known<D> {
         if n > 3 {
             all.push(Predictor {
                 parts: one("residual transport"),
-                predict: Box::new(move |p: &Point<D>| predict(&p.0, known, Some(&(global, 1.0)))),
+                predict: Box::new(move |p: &Point<D>, _| predict(&p.0, known, Some(&(global, 1.0)))),
+                scale: None,
                 left_out: (0..n)
                     .into_par_iter()
                     .map(|i| {
@@ -191,7 +211,8 @@ impl<const D: usize> Known<D> {
             all.push(Predictor {
                 parts: one("linear radial functions"),
                 left_out: rows(&fit.left_out),
-                predict: Box::new(move |p: &Point<D>| {
+                scale: None,
+                predict: Box::new(move |p: &Point<D>, _| {
                     let (y, r) = (turned(&p.0.0), fit.at::<D>(&self.phi(&p.0.0, |r| r), &[1.0]));
                     std::array::from_fn(|k| y[k] + r[k])
                 }),
@@ -204,7 +225,8 @@ impl<const D: usize> Known<D> {
                 all.push(Predictor {
                     parts: one("cubic radial functions"),
                     left_out: rows(&fit.left_out),
-                    predict: Box::new(move |p: &Point<D>| {
+                    scale: None,
+                    predict: Box::new(move |p: &Point<D>, _| {
                         let mut row = vec![1.0];
                         row.extend(p.0.0);
                         fit.at(&self.phi(&p.0.0, |r| -r * r * r), &row)
@@ -228,9 +250,10 @@ impl<const D: usize> Known<D> {
                 let turn = Turn { mirror, scale };
                 Predictor {
                     parts: one(name),
-                    predict: Box::new(move |p: &Point<D>| {
-                        array(rigid_in_space((&p.0.0, p.1), &self.a, sides, turn, None))
+                    predict: Box::new(move |p: &Point<D>, scale| {
+                        array(rigid_in_space((&p.0.0, p.1), &self.a, sides, Turn { mirror, scale }, None))
                     }),
+                    scale: Some(scale),
                     left_out: (0..n)
                         .into_par_iter()
                         .map(|i| {
@@ -257,7 +280,8 @@ impl<const D: usize> Known<D> {
                 all.push(Predictor {
                     parts: one("radial functions in space"),
                     left_out: rows(&fit.left_out),
-                    predict: Box::new(move |p: &Point<D>| {
+                    scale: None,
+                    predict: Box::new(move |p: &Point<D>, _| {
                         let phi: Vec<f64> = self.s.iter().map(|s| s.distance(p.1)).collect();
                         fit.at(&phi, &row(p.1))
                     }),
@@ -267,7 +291,8 @@ impl<const D: usize> Known<D> {
                 all.push(Predictor {
                     parts: one("radial functions along the surface"),
                     left_out: rows(&fit.left_out),
-                    predict: Box::new(move |p: &Point<D>| fit.at(&self.phi(&p.0.0, |r| r), &row(p.1))),
+                    scale: None,
+                    predict: Box::new(move |p: &Point<D>, _| fit.at(&self.phi(&p.0.0, |r| r), &row(p.1))),
                 });
             }
         }
@@ -278,6 +303,31 @@ impl<const D: usize> Known<D> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn predictions_that_differ_in_scale_are_joined() {
+        let scaled = |scale: Option<f64>| Predictor::<4, 2> {
+            parts: one("test"),
+            predict: Box::new(move |p: &Point<4>, s| if scale.is_some() { [1.0 + s * p.1.x, s] } else { [p.1.y, 7.0] }),
+            scale,
+            left_out: Vec::new(),
+        };
+        let mixture = || vec![(scaled(Some(1.0)), 0.2), (scaled(None), 0.5), (scaled(Some(3.0)), 0.3)];
+        let at = |parts: &[(Predictor<'_, 4, 2>, f64)]| {
+            let point = (([0.0; 4], [[0.0; 4]; 2]), DVec3::new(0.7, -0.4, 0.0));
+            parts.iter().fold([0.0; 2], |sum, (p, w)| {
+                let y = p.at(&point);
+                [sum[0] + w * y[0], sum[1] + w * y[1]]
+            })
+        };
+        let mut joined = mixture();
+        join_scales(&mut joined);
+        assert_eq!(joined.len(), 2);
+        let (a, b) = (at(&mixture()), at(&joined));
+        assert!((0..2).all(|k| (a[k] - b[k]).abs() < 1e-12), "{a:?} {b:?}");
+        joined[0].1 *= 1.01;
+        assert!(at(&joined) != b);
+    }
 
     #[test]
     fn the_mixture_is_the_least_in_the_simplex() {

@@ -34,6 +34,18 @@ pub(super) fn stiffness(anchors: usize) -> f64 {
     (BEND / (anchors.max(1) as f64).sqrt()).powi(4)
 }
 
+/// The smoothing systems of all stages: sequential factorisations, side by side.
+pub(super) fn factors<const K: usize>(bending: &Bending, pins: &[Pin<K>]) -> Result<Vec<SparseCholesky>> {
+    let stiffest = stiffness(pins.len());
+    let ties: Vec<([u32; 3], [f64; 3])> = pins.iter().map(|p| (p.v, p.x)).collect();
+    STAGES.par_iter().map(|(part, _)| bending.factorise(stiffest * part, &ties, pin_weight(bending))).collect()
+}
+
+/// The weight of a pin.
+fn pin_weight(bending: &Bending) -> f64 {
+    ANCHOR * bending.mass.iter().sum::<f64>() / bending.mass.len().max(1) as f64
+}
+
 /// Moves the images `z` of the target's vertices onto the source, all by displacements `d` that are smooth over the target:
 /// `(M N + eps L' M^-1 L + K) d = M (P - z) + K (to - z)`, P the closest points, N the projector across the surface there, K holding the pins, eps falling. `bending` is the target's at unit area,
 /// `triangles` are its own and the source's.
@@ -42,35 +54,27 @@ pub(super) fn stiffness(anchors: usize) -> f64 {
 /// coordinates, so the system is not solved but iterated with the steps: `M d` stands on the left for `M N d`, and what the last step did along the surface, `M (1 - N) d`, on the right. One solve
 /// a step, and where steps no longer change they are those of the whole system. What it gains over pulling to the points themselves stands in docs/methods.md.
 ///
-/// Gives a vertex of the source near each image. 24 steps with three factorisations. The closest points, with normals ([`Relief`]), begin exactly and follow their point from then on; at each
+/// Gives the triangle of the source each image is nearest to. 24 steps; the `factors` are those of the same pins. The closest points, with normals ([`Relief`]), begin exactly and follow their point from then on; at each
 /// stiffness they are looked for once more.
 pub(super) fn relax<const K: usize>(
     bending: &Bending,
     source: &ClosestOnSurface<'_, K>,
     mut relief: Relief,
     [target_triangles, source_triangles]: [&[[u32; 3]]; 2],
-    pins: &[Pin<K>],
+    (pins, factors): (&[Pin<K>], &[SparseCholesky]),
     z: &mut [Vector<f64, K>],
 ) -> Result<(Vec<u32>, Relief)> {
     let n = z.len();
-    let mut near = vec![NONE; n];
     if n == 0 || pins.is_empty() {
-        return Ok((near, relief));
+        return Ok((vec![NONE; n], relief));
     }
-    let stiffest = stiffness(pins.len());
-    let mean_mass = bending.mass.iter().sum::<f64>() / n as f64;
-    let weight = ANCHOR * mean_mass;
-    let ties: Vec<([u32; 3], [f64; 3])> = pins.iter().map(|p| (p.v, p.x)).collect();
-    let factors: Vec<SparseCholesky> =
-        STAGES.par_iter().map(|(part, _)| bending.factorise(stiffest * part, &ties, weight)).collect::<Result<_>>()?;
+    let weight = pin_weight(bending);
     let mut closest: Vec<Option<Closest>> = z.par_iter().map(|z| source.near((z, &FLAT), NONE)).collect();
     relief.orient(&relief.of(z, target_triangles), &closest, source_triangles);
     let source = source.with_normals(&relief.source);
     let facing = source.facing();
     for (factor, (_, steps)) in factors.iter().zip(STAGES) {
-        for (v, c) in closest.iter().enumerate() {
-            near[v] = c.map_or(NONE, |c| source.vertex(&c));
-        }
+        let near: Vec<u32> = closest.iter().map(|c| c.map_or(NONE, |c| source.vertex(&c))).collect();
         let mut last = vec![[0.0; K]; n];
         for step in 0..steps {
             let normals = relief.of(z, target_triangles);
@@ -103,8 +107,5 @@ pub(super) fn relax<const K: usize>(
             }
         }
     }
-    for (v, c) in closest.iter().enumerate() {
-        near[v] = c.map_or(NONE, |c| source.vertex(&c));
-    }
-    Ok((near, relief))
+    Ok((closest.iter().map(|c| c.map_or(NONE, |c| c.face)).collect(), relief))
 }

@@ -150,6 +150,8 @@ pub(super) fn propose(
 pub(super) struct Reliability {
     /// Target to source and back, at unit area.
     pub(super) cycle: Vec<f64>,
+    /// Where that comes back to.
+    back: Vec<DVec3>,
     /// The error of the place that mismatch and slope of the relief leave open.
     pub(super) sigma: Vec<f64>,
 }
@@ -158,21 +160,22 @@ impl Reliability {
     fn new(couple: &Couple<'_>, both: &[Registration]) -> Self {
         let [source, target] = &couple.sides;
         let n = target.positions.len();
-        let cycle = (0..n)
+        let back: Vec<DVec3> = (0..n)
             .into_par_iter()
             .map(|v| {
-                let Some(p) = &both[0].images[v] else { return f64::INFINITY };
+                let Some(p) = &both[0].images[v] else { return DVec3::INFINITY };
                 let corners = source.topology.triangles[p.face as usize];
                 let mut back = DVec3::ZERO;
                 for k in 0..3 {
-                    let Some(q) = &both[1].images[corners[k] as usize] else { return f64::INFINITY };
+                    let Some(q) = &both[1].images[corners[k] as usize] else { return DVec3::INFINITY };
                     back += p.barycentric[k] * target.position(q);
                 }
-                back.distance(target.positions[v])
+                back
             })
             .collect();
+        let cycle = back.iter().zip(&target.positions).map(|(b, p)| b.distance(*p)).collect();
         let sigma = (0..n).map(|v| (both[0].mismatch[v] / (both[0].hold[v] + 1e-9)).sqrt()).collect();
-        Self { cycle, sigma }
+        Self { cycle, back, sigma }
     }
 }
 
@@ -200,9 +203,11 @@ fn place(
         let Some(v) = farthest.filter(|&v| march.distances[v] > 0.3 * spacing) else { break };
         geodesics.add_source(v as u32, &mut march);
         if let (Some(source), Some(point)) = (registration.images[v], target.topology.vertex_point(v as u32)) {
+            // The two registrations err in different directions: their mean goes half as far as coming back does.
+            let between = 0.5 * (target.positions[v] + reliable.back[v]);
             growing.pairs.push(Proposed {
                 source,
-                target: point,
+                target: target.closest_near(between, point),
                 origin: Origin::Relief,
                 expected_error: (0.5 * reliable.sigma[v]).max(2.0 * reliable.cycle[v]),
                 flagged: None,
