@@ -2,10 +2,16 @@
 
 use nalgebra::DMatrix;
 
-use crate::surface::vector::{Vector, sub};
+use crate::surface::vector::{Vector, add_scaled, dot, sub};
 
 /// Part of another map that completes a covariance of low rank.
 const COMPLETION: f64 = 1e-6;
+/// Newton steps: nine reach the polar factor of a matrix of condition 1e6.
+const STEPS: usize = 20;
+/// A step smaller than this was the last but rounding.
+const STILL: f64 = 1e-8;
+/// A pivot below this part of the norm is none.
+const SINGULAR: f64 = 1e-13;
 
 /// The identity.
 pub(crate) fn identity<const D: usize>() -> [Vector<f64, D>; D] {
@@ -28,36 +34,81 @@ pub(crate) fn orthogonal<const D: usize>(
         std::array::from_fn(|i| x.iter().zip(weights).map(|(p, w)| w * p[i]).sum::<f64>() / total)
     };
     let (am, bm) = (mean(a), mean(b));
-    let mut covariance = DMatrix::<f64>::zeros(D, D);
+    let mut covariance = [[0.0; D]; D];
     for ((p, q), w) in a.iter().zip(b).zip(weights) {
         let (p, q) = (sub(p, &am), sub(q, &bm));
-        for c in 0..D {
-            for r in 0..D {
-                covariance[(r, c)] += w * q[r] * p[c];
-            }
+        for r in 0..D {
+            covariance[r] = add_scaled(&covariance[r], w * q[r], &p);
         }
     }
-    let size = covariance.norm();
+    let size = norm(&covariance);
     for r in 0..D {
-        for c in 0..D {
-            covariance[(r, c)] += COMPLETION * size * completion[r][c];
+        covariance[r] = add_scaled(&covariance[r], COMPLETION * size, &completion[r]);
+    }
+    // Without weights there are no means; neither iteration nor decomposition end on what is not finite.
+    if !size.is_finite() {
+        return *completion;
+    }
+    newton(&covariance).or_else(|| decomposed(&covariance)).unwrap_or(*completion)
+}
+
+/// The Frobenius norm.
+fn norm<const D: usize>(x: &[Vector<f64, D>; D]) -> f64 {
+    x.iter().map(|r| dot(r, r)).sum::<f64>().sqrt()
+}
+
+/// The orthogonal polar factor by Newton's iteration `X <- (g X + X^-T / g) / 2` with scaling by norms (Higham, SIAM J. Sci. Stat. Comput. 7, 1986): a third of the time of a decomposition.
+/// `None` where a matrix is numerically singular.
+fn newton<const D: usize>(x: &[Vector<f64, D>; D]) -> Option<[Vector<f64, D>; D]> {
+    let mut x = *x;
+    for _ in 0..STEPS {
+        let inverse = inverse(&x)?;
+        let scale = (norm(&inverse) / norm(&x)).sqrt();
+        let next: [Vector<f64, D>; D] =
+            std::array::from_fn(|r| std::array::from_fn(|c| 0.5 * (scale * x[r][c] + inverse[c][r] / scale)));
+        let moved: [Vector<f64, D>; D] = std::array::from_fn(|r| sub(&next[r], &x[r]));
+        x = next;
+        // The last step was quadratic.
+        if norm(&moved) < STILL {
+            return Some(x);
         }
     }
-    // Without weights there are no means; the decomposition does not end on what is not finite.
-    if !covariance.iter().all(|x| x.is_finite()) {
-        return *completion;
+    None
+}
+
+/// By Gauss and Jordan with pivots from the column.
+fn inverse<const D: usize>(x: &[Vector<f64, D>; D]) -> Option<[Vector<f64, D>; D]> {
+    let (mut x, mut y) = (*x, identity::<D>());
+    let least = SINGULAR * norm(&x);
+    for k in 0..D {
+        let pivot = (k..D).max_by(|&i, &j| x[i][k].abs().total_cmp(&x[j][k].abs()))?;
+        x.swap(k, pivot);
+        y.swap(k, pivot);
+        if !(x[k][k].abs() > least) {
+            return None;
+        }
+        let by = 1.0 / x[k][k];
+        (x[k], y[k]) = (x[k].map(|e| e * by), y[k].map(|e| e * by));
+        let (row, other) = (x[k], y[k]);
+        for i in (0..D).filter(|&i| i != k) {
+            let by = -x[i][k];
+            (x[i], y[i]) = (add_scaled(&x[i], by, &row), add_scaled(&y[i], by, &other));
+        }
     }
-    let svd = covariance.svd(true, true);
-    let (Some(u), Some(vt)) = (svd.u, svd.v_t) else {
-        return *completion;
-    };
-    let q = u * vt;
-    std::array::from_fn(|r| std::array::from_fn(|c| q[(r, c)]))
+    Some(y)
+}
+
+/// The same by singular values, which any finite matrix has.
+fn decomposed<const D: usize>(x: &[Vector<f64, D>; D]) -> Option<[Vector<f64, D>; D]> {
+    let svd = DMatrix::from_fn(D, D, |r, c| x[r][c]).svd(true, true);
+    let q = svd.u? * svd.v_t?;
+    Some(std::array::from_fn(|r| std::array::from_fn(|c| q[(r, c)])))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::models::shapes::Random;
 
     #[test]
     fn few_equal_points_give_the_identity() {
@@ -68,6 +119,31 @@ mod tests {
                 assert!((x - f64::from(u8::from(i == j))).abs() < 1e-9, "{q:?}");
             }
         }
+    }
+
+    #[test]
+    fn iteration_and_decomposition_agree() {
+        let mut random = Random::new(11);
+        for condition in [1.0, 1e3, 1e6] {
+            for _ in 0..50 {
+                let rows: [Vector<f64, 8>; 8] = std::array::from_fn(|r| {
+                    let size = f64::powf(condition, -(r as f64) / 7.0);
+                    std::array::from_fn(|_| size * random.signed())
+                });
+                let (a, b) = (newton(&rows).unwrap(), decomposed(&rows).unwrap());
+                let apart: [Vector<f64, 8>; 8] = std::array::from_fn(|r| sub(&a[r], &b[r]));
+                // Both factors err by rounding times the condition, which random rows make some hundred times worse.
+                assert!(norm(&apart) < 1e-12 * condition.max(1e2), "{condition} {}", norm(&apart));
+                for r in 0..8 {
+                    for c in 0..8 {
+                        assert!((dot(&a[r], &a[c]) - f64::from(u8::from(r == c))).abs() < 1e-12);
+                    }
+                }
+            }
+        }
+        // Rank one is left to the decomposition.
+        let flat: [Vector<f64, 4>; 4] = std::array::from_fn(|r| [r as f64, 2.0 * r as f64, 0.0, 1.0 * r as f64]);
+        assert!(newton(&flat).is_none() && decomposed(&flat).is_some());
     }
 
     #[test]

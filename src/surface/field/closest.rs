@@ -79,17 +79,23 @@ impl<'a, const K: usize> ClosestOnSurface<'a, K> {
         NearestVertex::of_points(used, |v| facing(&self.surface.vertices[v as usize].y, self.normal(v)))
     }
 
-    /// The closer of what is [`Self::near`] the vertex `start` and near the one that `index` gives.
-    pub(super) fn near_or_facing(&self, place: Place<'_, K>, start: u32, index: &NearestVertex<8>) -> Option<Closest> {
-        if start == NONE || !finite(place) {
-            return self.near(place, start);
+    /// The closer of what follows from `last` ([`Self::follow`]) and what is near the vertex that `index` gives.
+    pub(super) fn near_or_facing(
+        &self,
+        place: Place<'_, K>,
+        last: Option<&Closest>,
+        index: &NearestVertex<8>,
+    ) -> Option<Closest> {
+        if !finite(place) {
+            return None;
         }
-        let starts = [start, index.find_one(&facing(place.0, place.1))].map(|v| self.walk(place, v));
-        let a = self.around(place, starts[0])?;
-        if starts[1] == starts[0] {
+        let Some(last) = last else { return self.near(place, NONE) };
+        let a = self.follow(place, last.face)?;
+        let start = self.walk(place, index.find_one(&facing(place.0, place.1)));
+        if self.surface.triangles[a.face as usize].v.contains(&start) {
             return Some(a);
         }
-        let b = self.around(place, starts[1])?;
+        let b = self.around(place, start)?;
         Some(if (b.distance_squared, b.face) < (a.distance_squared, a.face) { b } else { a })
     }
 

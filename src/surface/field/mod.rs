@@ -24,7 +24,7 @@ pub use self::session::{Edit, FieldSession};
 
 use self::closest::{ClosestOnSurface, FLAT};
 use self::predict::Point;
-use self::relax::{Pin, factors, relax, stiffness};
+use self::relax::{Pins, Tie, factors, relax, stiffness};
 use self::relief::Relief;
 use self::repair::{Images, Repaired};
 use crate::engine::Real;
@@ -232,31 +232,29 @@ impl<S: Real, const K: usize> Field<S, K> {
 
     /// The field of a prediction, drawn onto the source if so asked. It vouches for every point, since nothing is known of errors.
     fn drawn(shapes: &Shapes<'_>, predicted: Predicted<'_, K>, anchors: &AnchorPairs, relaxed: bool) -> Result<Self> {
-        let rows: Vec<f64> = predicted.source.concat();
-        let reference = PhongSurface::<f64, K>::new(shapes.source.topology, &rows)?;
-        let framed = |z: &Vector<f64, K>| framed(&reference, *z);
         let triangles = shapes.target.topology.triangles.clone();
-        let pin = |(p, to): (&SurfacePoint, &Vector<f64, K>)| Pin {
-            v: triangles[p.face as usize],
-            x: p.barycentric,
-            to: framed(to),
+        // Sequential work beside the prediction.
+        let surface = || {
+            let surface = PhongSurface::<f64, K>::new(shapes.source.topology, &predicted.source.concat())?;
+            let vertices = NearestVertex::new(&surface);
+            Ok::<_, Error>((surface, vertices))
         };
-        let pins: Vec<Pin<K>> = anchors.target.iter().zip(&predicted.anchors).map(pin).collect();
-        // Sequential work beside the prediction, which is the same for every thread.
-        let image = |v: usize| if shapes.used[v] { framed(&(predicted.image)(v)) } else { framed(&[0.0; K]) };
-        let images = || (0..shapes.used.len()).into_par_iter().map(image).collect();
-        let prepare = || {
-            let factors = || relaxed.then(|| factors(&shapes.bending, &pins)).transpose();
-            rayon::join(|| NearestVertex::new(&reference), factors)
-        };
-        let ((vertices, factors), mut z): (_, Vec<Vector<f64, K>>) = rayon::join(prepare, images);
+        let ties: Vec<Tie> = anchors.target.iter().map(|p| (triangles[p.face as usize], p.barycentric)).collect();
+        let factors = || relaxed.then(|| factors(&shapes.bending, &ties)).transpose();
+        let image = |v: usize| if shapes.used[v] { (predicted.image)(v) } else { [0.0; K] };
+        let images = || -> Vec<Vector<f64, K>> { (0..shapes.used.len()).into_par_iter().map(image).collect() };
+        let ((surface, factors), mut z) = rayon::join(|| rayon::join(surface, factors), images);
+        let (reference, vertices) = surface?;
+        z.iter_mut().for_each(|z| *z = framed(&reference, *z));
         let closest = ClosestOnSurface::new(&reference, &vertices);
         let (mut near, mut relief) = (vec![NONE; z.len()], None);
         if let Some(factors) = factors? {
             let own = &shapes.source.topology.triangles;
             let unit = predicted.unit / reference.edge;
             let begun = Relief::new(&shapes.source.mesh.positions, own, predicted.error * unit);
-            let relaxed = relax(&shapes.bending, &closest, begun, [&triangles, own], (&pins, &factors), &mut z)?;
+            let places: Vec<Vector<f64, K>> = predicted.anchors.iter().map(|to| framed(&reference, *to)).collect();
+            let pins = Pins { ties: &ties, to: &places, factors: &factors };
+            let relaxed = relax(&shapes.bending, &closest, begun, [&triangles, own], &pins, &mut z)?;
             near = relaxed.0;
             relief = Some(relaxed.1);
         }

@@ -12,21 +12,23 @@ use crate::geometry::cholesky::SparseCholesky;
 use crate::surface::vector::{Vector, add_scaled, combine, sub};
 
 /// Stiffnesses, in parts of the first one, and how many steps are made with each.
-const STAGES: [(f64, usize); 3] = [(1.0, 8), (0.1, 8), (0.003, 8)];
+const STAGES: [(f64, usize); 3] = [(1.0, 6), (0.1, 6), (0.003, 8)];
 /// The first stiffness is this over the square root of the number of anchors, to the fourth power: a part of the distance between anchors at unit area.
 const BEND: f64 = 0.25;
 /// The stiffness that keeps anchors, in mean masses of a vertex.
 const ANCHOR: f64 = 1e6;
 
-/// A point of the target that is to go to `to`.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Pin<const K: usize> {
-    /// Vertices of the target.
-    pub(super) v: [u32; 3],
-    /// Its barycentric coordinates.
-    pub(super) x: [f64; 3],
-    /// The image.
-    pub(super) to: Vector<f64, K>,
+/// A point of the target: its triangle's vertices and barycentric coordinates.
+pub(super) type Tie = ([u32; 3], [f64; 3]);
+
+/// What holds a relaxation.
+pub(super) struct Pins<'a, const K: usize> {
+    /// Points of the target.
+    pub(super) ties: &'a [Tie],
+    /// Their images.
+    pub(super) to: &'a [Vector<f64, K>],
+    /// The systems of all stages with these points held: [`factors`].
+    pub(super) factors: &'a [SparseCholesky],
 }
 
 /// The first stiffness for so many anchors: what bends between anchors at unit area.
@@ -35,10 +37,9 @@ pub(super) fn stiffness(anchors: usize) -> f64 {
 }
 
 /// The smoothing systems of all stages: sequential factorisations, side by side.
-pub(super) fn factors<const K: usize>(bending: &Bending, pins: &[Pin<K>]) -> Result<Vec<SparseCholesky>> {
-    let stiffest = stiffness(pins.len());
-    let ties: Vec<([u32; 3], [f64; 3])> = pins.iter().map(|p| (p.v, p.x)).collect();
-    STAGES.par_iter().map(|(part, _)| bending.factorise(stiffest * part, &ties, pin_weight(bending))).collect()
+pub(super) fn factors(bending: &Bending, ties: &[Tie]) -> Result<Vec<SparseCholesky>> {
+    let (stiffest, weight) = (stiffness(ties.len()), pin_weight(bending));
+    STAGES.par_iter().map(|(part, _)| bending.factorise(stiffest * part, ties, weight)).collect()
 }
 
 /// The weight of a pin.
@@ -54,18 +55,18 @@ fn pin_weight(bending: &Bending) -> f64 {
 /// coordinates, so the system is not solved but iterated with the steps: `M d` stands on the left for `M N d`, and what the last step did along the surface, `M (1 - N) d`, on the right. One solve
 /// a step, and where steps no longer change they are those of the whole system. What it gains over pulling to the points themselves stands in docs/methods.md.
 ///
-/// Gives the triangle of the source each image is nearest to. 24 steps; the `factors` are those of the same pins. The closest points, with normals ([`Relief`]), begin exactly and follow their point from then on; at each
+/// Gives the triangle of the source each image is nearest to. 20 steps. The closest points, with normals ([`Relief`]), begin exactly and follow their point from then on; at each
 /// stiffness they are looked for once more.
 pub(super) fn relax<const K: usize>(
     bending: &Bending,
     source: &ClosestOnSurface<'_, K>,
     mut relief: Relief,
     [target_triangles, source_triangles]: [&[[u32; 3]]; 2],
-    (pins, factors): (&[Pin<K>], &[SparseCholesky]),
+    pins: &Pins<'_, K>,
     z: &mut [Vector<f64, K>],
 ) -> Result<(Vec<u32>, Relief)> {
     let n = z.len();
-    if n == 0 || pins.is_empty() {
+    if n == 0 || pins.ties.is_empty() {
         return Ok((vec![NONE; n], relief));
     }
     let weight = pin_weight(bending);
@@ -73,8 +74,7 @@ pub(super) fn relax<const K: usize>(
     relief.orient(&relief.of(z, target_triangles), &closest, source_triangles);
     let source = source.with_normals(&relief.source);
     let facing = source.facing();
-    for (factor, (_, steps)) in factors.iter().zip(STAGES) {
-        let near: Vec<u32> = closest.iter().map(|c| c.map_or(NONE, |c| source.vertex(&c))).collect();
+    for (factor, (_, steps)) in pins.factors.iter().zip(STAGES) {
         let mut last = vec![[0.0; K]; n];
         for step in 0..steps {
             let normals = relief.of(z, target_triangles);
@@ -84,7 +84,7 @@ pub(super) fn relax<const K: usize>(
                     let place = (&z[v], &normals[v]);
                     let found = match closest[v] {
                         Some(c) if step > 0 => source.follow(place, c.face),
-                        _ => source.near_or_facing(place, near[v], &facing),
+                        c => source.near_or_facing(place, c.as_ref(), &facing),
                     };
                     let pull = |c: &Closest| add_scaled(&sub(&source.point(c), &z[v]), 1.0, &source.along(c, &last[v]));
                     (found, found.as_ref().map_or([0.0; K], pull))
@@ -92,11 +92,11 @@ pub(super) fn relax<const K: usize>(
                 .collect();
             let mut right = Mat::from_fn(n, K, |v, k| bending.mass[v] * pulled[v].1[k]);
             closest = pulled.into_iter().map(|(c, _)| c).collect();
-            for pin in pins {
-                let here = combine(&pin.x, pin.v.map(|v| &z[v as usize]));
-                for (v, x) in pin.v.iter().zip(pin.x) {
+            for ((v, x), to) in pins.ties.iter().zip(pins.to) {
+                let missing = sub(to, &combine(x, v.map(|v| &z[v as usize])));
+                for (v, x) in v.iter().zip(x) {
                     for k in 0..K {
-                        right[(*v as usize, k)] += weight * x * (pin.to[k] - here[k]);
+                        right[(*v as usize, k)] += weight * x * missing[k];
                     }
                 }
             }
