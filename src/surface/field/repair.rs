@@ -1,21 +1,25 @@
 //! Turning back the few triangles whose image is turned over.
 
-use glam::DVec3;
+mod chart;
+mod untangle;
+
+use std::collections::HashMap;
+
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
+use self::chart::Chart;
+use self::untangle::Patch;
 use super::GUARD;
-use super::closest::{ClosestOnSurface, FLAT};
+use super::closest::{Closest, ClosestOnSurface, FLAT};
 use super::pair::Shapes;
 use crate::geometry::{NONE, SurfacePoint};
 use crate::surface::PhongSurface;
 use crate::surface::quality::{normal_at, vertex_normals};
-use crate::surface::vector::{Vector, add_scaled, scaled};
+use crate::surface::vector::Vector;
 
 /// Rings around turned triangles that may move, at most. Larger patches turn hardly a triangle more back and can lose what their vertices know.
 const RINGS: usize = 3;
-/// Sweeps of averages over a patch: enough for a disk of [`RINGS`] rings.
-const SWEEPS: usize = 20;
-
 /// The images of a target's vertices, as they are repaired.
 pub(super) struct Images<'a, const K: usize> {
     pub(super) shapes: &'a Shapes<'a>,
@@ -39,7 +43,7 @@ pub(super) struct Repaired {
 }
 
 /// Position of an image on the source, and the normal there.
-type Seen = Option<(DVec3, DVec3)>;
+type Seen = Option<(DVec3, DVec3, SurfacePoint)>;
 
 impl<const K: usize> Images<'_, K> {
     /// Replaces the images around turned triangles by averages of those around them (Tutte), drawn onto the source: their own vertices first, rings around them where that does not help. A patch is kept only if fewer of its
@@ -69,7 +73,9 @@ impl<const K: usize> Images<'_, K> {
                     continue;
                 }
                 let kept: Vec<_> = patch.iter().map(|&v| (self.z[v], self.starts[v], seen[v])).collect();
-                self.average(&patch);
+                if !self.untangle(&patch, &around, &seen, mirrored) {
+                    continue;
+                }
                 patch.iter().for_each(|&v| seen[v] = self.see(v, &normals));
                 if count(&seen) >= was {
                     for (&v, (z, start, image)) in patch.iter().zip(kept) {
@@ -95,7 +101,7 @@ impl<const K: usize> Images<'_, K> {
             SurfacePoint::new(c.face, c.x)
         };
         let mesh = self.shapes.source.mesh;
-        Some((p.position(mesh), normal_at(mesh, normals, &p)))
+        Some((p.position(mesh), normal_at(mesh, normals, &p), p))
     }
 
     /// The vertices within some rings of triangles, the held ones left out, by connected patches; each rising.
@@ -153,21 +159,54 @@ impl<const K: usize> Images<'_, K> {
         around
     }
 
-    /// Averages of neighbours, in order, then the closest points of the source.
-    fn average(&mut self, patch: &[usize]) {
-        let around: Vec<Vec<u32>> = patch.iter().map(|&v| self.neighbours(v)).collect();
-        for _ in 0..SWEEPS {
-            for (&v, around) in patch.iter().zip(&around) {
-                let sum = around.iter().fold([0.0; K], |sum, &w| add_scaled(&sum, 1.0, &self.z[w as usize]));
-                self.z[v] = scaled(1.0 / around.len().max(1) as f64, &sum);
-            }
+    /// Places the vertices of a patch anew so that no triangle is turned in a chart of the source around their images. Says whether there is such a chart.
+    fn untangle(&mut self, patch: &[usize], around: &[usize], seen: &[Seen], mirrored: bool) -> bool {
+        let (source, target) = (self.shapes.source, self.shapes.target);
+        let mut local = HashMap::new();
+        let mut vertices = Vec::new();
+        let mut triangles: Vec<[u32; 3]> = around
+            .iter()
+            .map(|&t| {
+                target.topology.triangles[t].map(|v| {
+                    *local.entry(v).or_insert_with(|| {
+                        vertices.push(v as usize);
+                        vertices.len() as u32 - 1
+                    })
+                })
+            })
+            .collect();
+        let Some(images) = vertices.iter().map(|&v| seen[v].map(|s| s.2)).collect::<Option<Vec<_>>>() else {
+            return false;
+        };
+        let wanted: Vec<u32> = images.iter().map(|p| p.face).collect();
+        let Some(chart) = Chart::new(&source.mesh.positions, source.topology, &wanted) else { return false };
+        let Some(mut points) = images.iter().map(|p| chart.place(p)).collect::<Option<Vec<DVec2>>>() else {
+            return false;
+        };
+        let mut sides: Vec<[f64; 3]> = around
+            .iter()
+            .map(|&t| {
+                let p = target.mesh.triangle_positions(t);
+                [0, 1, 2].map(|k| p[(k + 1) % 3].distance_squared(p[(k + 2) % 3]))
+            })
+            .collect();
+        if mirrored {
+            triangles.iter_mut().for_each(|t| t.swap(1, 2));
+            sides.iter_mut().for_each(|s| s.swap(1, 2));
         }
-        for &v in patch {
-            if let Some(c) = self.closest.near((&self.z[v], &FLAT), self.starts[v]) {
-                self.z[v] = self.closest.point(&c);
-                self.starts[v] = self.closest.vertex(&c);
-            }
+        let free: Vec<u32> = patch.iter().filter_map(|&v| local.get(&(v as u32)).copied()).collect();
+        let done = Patch { triangles: &triangles, sides: &sides, free: &free }.untangle(&mut points);
+        if std::env::var("SAY").is_ok() {
+            println!("patch {} triangles {} done {done}", patch.len(), around.len());
         }
+        for &v in &free {
+            let Some(p) = chart.lift(points[v as usize]) else { continue };
+            let c = Closest { face: p.face, x: p.barycentric, distance_squared: 0.0 };
+            let v = vertices[v as usize];
+            self.z[v] = self.closest.point(&c);
+            self.starts[v] = self.closest.vertex(&c);
+        }
+        true
     }
 }
 

@@ -1,0 +1,235 @@
+//! A piece of a surface flattened into the plane without folds (Tutte 1963; Floater 1997).
+
+use std::collections::HashMap;
+
+use glam::{DVec2, DVec3};
+
+use crate::geometry::{NONE, SurfacePoint, Topology};
+
+/// Rings of triangles around the wanted ones: what is near the rim of a chart is squeezed.
+const MARGIN: usize = 2;
+/// Rings at most, until all wanted ones hang together.
+const REACH: usize = 8;
+/// Triangles at most.
+const LARGEST: usize = 4000;
+/// Bounds of the cotangents that serve as weights; positive weights are what keeps the chart from folding.
+const WEIGHTS: [f64; 2] = [0.05, 20.0];
+
+/// A disk of triangles in the plane, all facing up.
+#[derive(Debug)]
+pub(super) struct Chart {
+    /// Triangles of the surface, rising, and their corners in the chart.
+    faces: Vec<u32>,
+    corners: Vec<[u32; 3]>,
+    points: Vec<DVec2>,
+}
+
+impl Chart {
+    /// Flattens the surroundings of some triangles; `None` where these are no disk or too large.
+    pub(super) fn new(positions: &[DVec3], topology: &Topology, wanted: &[u32]) -> Option<Self> {
+        let faces = region(topology, wanted)?;
+        let mut local = HashMap::new();
+        let mut vertices = Vec::new();
+        let corners: Vec<[u32; 3]> = faces
+            .iter()
+            .map(|&f| {
+                topology.triangles[f as usize].map(|v| {
+                    *local.entry(v).or_insert_with(|| {
+                        vertices.push(v);
+                        vertices.len() as u32 - 1
+                    })
+                })
+            })
+            .collect();
+        let place: Vec<DVec3> = vertices.iter().map(|&v| positions[v as usize]).collect();
+        let rim = rim(&corners)?;
+        let points = flatten(&place, &corners, &rim)?;
+        let chart = Self { faces, corners, points };
+        (0..chart.faces.len()).all(|t| chart.doubled(t) > 0.0).then_some(chart)
+    }
+
+    fn doubled(&self, t: usize) -> f64 {
+        let [a, b, c] = self.corners[t].map(|v| self.points[v as usize]);
+        (b - a).perp_dot(c - a)
+    }
+
+    /// The place of a surface point; `None` outside.
+    pub(super) fn place(&self, p: &SurfacePoint) -> Option<DVec2> {
+        let t = self.faces.binary_search(&p.face).ok()?;
+        Some((0..3).map(|k| self.points[self.corners[t][k] as usize] * p.barycentric[k]).sum())
+    }
+
+    /// The surface point at a place; `None` outside. O(triangles).
+    pub(super) fn lift(&self, q: DVec2) -> Option<SurfacePoint> {
+        let mut best: Option<(f64, usize, [f64; 3])> = None;
+        for t in 0..self.faces.len() {
+            let [a, b, c] = self.corners[t].map(|v| self.points[v as usize]);
+            let double = (b - a).perp_dot(c - a);
+            let x = [(c - b).perp_dot(q - b), (a - c).perp_dot(q - c), (b - a).perp_dot(q - a)].map(|x| x / double);
+            let least = x[0].min(x[1]).min(x[2]);
+            if best.is_none_or(|b| least > b.0) {
+                best = Some((least, t, x));
+            }
+        }
+        let (least, t, x) = best?;
+        if !(least > -1e-9) {
+            return None;
+        }
+        let x = x.map(|x| x.max(0.0));
+        let sum: f64 = x.iter().sum();
+        Some(SurfacePoint::new(self.faces[t], x.map(|x| x / sum)))
+    }
+}
+
+/// The wanted triangles, rings around them until they hang together, and a margin; rising.
+fn region(topology: &Topology, wanted: &[u32]) -> Option<Vec<u32>> {
+    let mut inside: HashMap<u32, ()> = HashMap::new();
+    let mut faces: Vec<u32> = wanted.to_vec();
+    faces.sort_unstable();
+    faces.dedup();
+    faces.iter().for_each(|&f| drop(inside.insert(f, ())));
+    let mut margin = 0;
+    for _ in 0..REACH + MARGIN {
+        let mut next: Vec<u32> = Vec::new();
+        for &f in &faces {
+            for v in topology.triangles[f as usize] {
+                for &g in topology.vertex_triangles(v) {
+                    if inside.insert(g, ()).is_none() {
+                        next.push(g);
+                    }
+                }
+            }
+        }
+        faces.extend(next);
+        if faces.len() > LARGEST {
+            return None;
+        }
+        if margin > 0 || connected(topology, &faces, &inside) {
+            margin += 1;
+        }
+        if margin > MARGIN {
+            break;
+        }
+    }
+    if margin <= MARGIN {
+        return None;
+    }
+    faces.sort_unstable();
+    Some(faces)
+}
+
+fn connected(topology: &Topology, faces: &[u32], inside: &HashMap<u32, ()>) -> bool {
+    let Some(&first) = faces.first() else { return false };
+    let mut seen: HashMap<u32, ()> = HashMap::from([(first, ())]);
+    let mut stack = vec![first];
+    while let Some(f) = stack.pop() {
+        for g in topology.neighbours[f as usize] {
+            if g != NONE && inside.contains_key(&g) && seen.insert(g, ()).is_none() {
+                stack.push(g);
+            }
+        }
+    }
+    seen.len() == faces.len()
+}
+
+/// The longest of the loops around the triangles, in order; `None` where loops touch.
+fn rim(corners: &[[u32; 3]]) -> Option<Vec<u32>> {
+    let mut edges: HashMap<(u32, u32), ()> = HashMap::new();
+    for t in corners {
+        for k in 0..3 {
+            if edges.insert((t[k], t[(k + 1) % 3]), ()).is_some() {
+                return None;
+            }
+        }
+    }
+    let mut next = HashMap::new();
+    let mut starts = Vec::new();
+    for t in corners {
+        for k in 0..3 {
+            let (a, b) = (t[k], t[(k + 1) % 3]);
+            if !edges.contains_key(&(b, a)) {
+                if next.insert(a, b).is_some() {
+                    return None;
+                }
+                starts.push(a);
+            }
+        }
+    }
+    let mut longest = Vec::new();
+    for a in starts {
+        let mut around = Vec::new();
+        let mut v = a;
+        while let Some(w) = next.remove(&v) {
+            around.push(v);
+            v = w;
+        }
+        if around.len() > longest.len() {
+            longest = around;
+        }
+    }
+    (longest.len() >= 3).then_some(longest)
+}
+
+/// Places with the rim on a circle, every other point the weighted mean of its neighbours; by conjugate gradients.
+fn flatten(place: &[DVec3], corners: &[[u32; 3]], rim: &[u32]) -> Option<Vec<DVec2>> {
+    let n = place.len();
+    let mut weights: Vec<Vec<(u32, f64)>> = vec![Vec::new(); n];
+    for t in corners {
+        for k in 0..3 {
+            let (o, a, b) = (t[k], t[(k + 1) % 3], t[(k + 2) % 3]);
+            let (e, f) = (place[a as usize] - place[o as usize], place[b as usize] - place[o as usize]);
+            let w = (e.dot(f) / e.cross(f).length()).clamp(WEIGHTS[0], WEIGHTS[1]);
+            let w = if w.is_finite() { w } else { WEIGHTS[0] };
+            weights[a as usize].push((b, w));
+            weights[b as usize].push((a, w));
+        }
+    }
+    let mut points = vec![DVec2::ZERO; n];
+    let mut fixed = vec![false; n];
+    let length = |k: usize| place[rim[k] as usize].distance(place[rim[(k + 1) % rim.len()] as usize]);
+    let around: f64 = (0..rim.len()).map(length).sum();
+    if !(around > 0.0 && around.is_finite()) {
+        return None;
+    }
+    let mut walked = 0.0;
+    for (k, &v) in rim.iter().enumerate() {
+        points[v as usize] = DVec2::from_angle(std::f64::consts::TAU * walked / around);
+        fixed[v as usize] = true;
+        // Nothing on the circle coincides.
+        walked += length(k).max(1e-3 * around / rim.len() as f64);
+    }
+    let diagonal: Vec<f64> = weights.iter().map(|w| w.iter().map(|w| w.1).sum()).collect();
+    let apply = |x: &[DVec2], v: usize| {
+        x[v] * diagonal[v] - weights[v].iter().map(|&(w, c)| x[w as usize] * c).sum::<DVec2>()
+    };
+    let free: Vec<usize> = (0..n).filter(|&v| !fixed[v]).collect();
+    let mut residual = vec![DVec2::ZERO; n];
+    let mut direction = vec![DVec2::ZERO; n];
+    for &v in &free {
+        residual[v] = -apply(&points, v);
+        direction[v] = residual[v] / diagonal[v];
+    }
+    let product = |r: &[DVec2]| free.iter().map(|&v| r[v].length_squared() / diagonal[v]).sum::<f64>();
+    let mut size = product(&residual);
+    let enough = 1e-24 * size;
+    let mut image = vec![DVec2::ZERO; n];
+    for _ in 0..4 * free.len() {
+        if size <= enough {
+            break;
+        }
+        for &v in &free {
+            image[v] = apply(&direction, v);
+        }
+        let step = size / free.iter().map(|&v| direction[v].dot(image[v])).sum::<f64>();
+        for &v in &free {
+            points[v] += direction[v] * step;
+            residual[v] -= image[v] * step;
+        }
+        let now = product(&residual);
+        for &v in &free {
+            direction[v] = residual[v] / diagonal[v] + direction[v] * (now / size);
+        }
+        size = now;
+    }
+    Some(points)
+}
