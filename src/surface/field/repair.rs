@@ -2,7 +2,9 @@
 
 mod chart;
 mod untangle;
+mod upright;
 
+use std::cell::Cell;
 use std::collections::HashMap;
 
 use glam::{DVec2, DVec3};
@@ -10,7 +12,8 @@ use rayon::prelude::*;
 
 use self::chart::Chart;
 use self::untangle::Patch;
-use super::GUARD;
+use self::upright::{Image, facing, set_upright};
+use super::{GUARD, middle};
 use super::closest::{Closest, ClosestOnSurface, FLAT};
 use super::pair::Shapes;
 use crate::geometry::{NONE, SurfacePoint};
@@ -19,7 +22,7 @@ use crate::surface::quality::{normal_at, vertex_normals};
 use crate::surface::vector::Vector;
 
 /// Rings around turned triangles that may move, at most. Larger patches turn hardly a triangle more back and can lose what their vertices know.
-const RINGS: usize = 3;
+const RINGS: usize = 6;
 /// The images of a target's vertices, as they are repaired.
 pub(super) struct Images<'a, const K: usize> {
     pub(super) shapes: &'a Shapes<'a>,
@@ -43,7 +46,7 @@ pub(super) struct Repaired {
 }
 
 /// Position of an image on the source, and the normal there.
-type Seen = Option<(DVec3, DVec3, SurfacePoint)>;
+type Seen = Option<(Image, SurfacePoint)>;
 
 impl<const K: usize> Images<'_, K> {
     /// Replaces the images around turned triangles by averages of those around them (Tutte), drawn onto the source: their own vertices first, rings around them where that does not help. A patch is kept only if fewer of its
@@ -51,7 +54,7 @@ impl<const K: usize> Images<'_, K> {
     pub(super) fn repair(&mut self, held: &[bool]) -> Repaired {
         let source = self.shapes.source;
         let normals = vertex_normals(source.mesh, source.topology);
-        let mut seen: Vec<Seen> = (0..self.z.len()).into_par_iter().map(|v| self.see(v, &normals)).collect();
+        let mut seen: Vec<Seen> = (0..self.z.len()).into_par_iter().map(|v| self.see(v, &normals, false)).collect();
         let triangles = &self.shapes.target.topology.triangles;
         let usable = &self.shapes.target.topology.usable;
         let all: Vec<usize> = (0..triangles.len()).filter(|&t| usable[t]).collect();
@@ -72,15 +75,20 @@ impl<const K: usize> Images<'_, K> {
                 if was == 0 {
                     continue;
                 }
-                let kept: Vec<_> = patch.iter().map(|&v| (self.z[v], self.starts[v], seen[v])).collect();
-                if !self.untangle(&patch, &around, &seen, mirrored) {
+                let kept: Vec<_> = patch.iter().map(|&v| (self.z[v], self.starts[v])).collect();
+                let before_seen: Vec<(usize, Seen)> = self.corners_of(&around).into_iter().map(|v| (v, seen[v])).collect();
+                if !self.untangle(&patch, &around, &seen, &normals, mirrored) {
                     continue;
                 }
-                patch.iter().for_each(|&v| seen[v] = self.see(v, &normals));
+                for &(v, _) in &before_seen {
+                    seen[v] = self.see(v, &normals, true);
+                }
+                if std::env::var("SAY").is_ok() { println!("   rings {rings} patch {} was {was} now {}", patch.len(), count(&seen)); }
                 if count(&seen) >= was {
-                    for (&v, (z, start, image)) in patch.iter().zip(kept) {
-                        (self.z[v], self.starts[v], seen[v]) = (z, start, image);
+                    for (&v, (z, start)) in patch.iter().zip(kept) {
+                        (self.z[v], self.starts[v]) = (z, start);
                     }
+                    before_seen.into_iter().for_each(|(v, image)| seen[v] = image);
                 }
             }
             left.retain(|&t| bad(&seen, t));
@@ -89,10 +97,16 @@ impl<const K: usize> Images<'_, K> {
     }
 
     /// Where a vertex goes.
-    fn see(&self, v: usize, normals: &[DVec3]) -> Seen {
+    fn see(&self, v: usize, normals: &[DVec3], again: bool) -> Seen {
         let first = self.shapes.target.topology.vertex_point(v as u32)?.face as usize;
-        let starts = self.shapes.target.topology.triangles[first].map(|v| self.starts[v as usize]);
-        let image = self.reference.project_near(&self.z[v], self.start_faces[first], &starts);
+        let corners = self.shapes.target.topology.triangles[first];
+        let starts = corners.map(|v| self.starts[v as usize]);
+        let start = if again {
+            self.closest.near((&middle(self.z, corners), &FLAT), starts[0]).map_or(NONE, |c| c.face)
+        } else {
+            self.start_faces[first]
+        };
+        let image = self.reference.project_near(&self.z[v], start, &starts);
         // As the field itself guards them.
         let p = if image.face != NONE && image.distance_squared <= GUARD * GUARD {
             SurfacePoint::new(image.face, image.x)
@@ -101,7 +115,7 @@ impl<const K: usize> Images<'_, K> {
             SurfacePoint::new(c.face, c.x)
         };
         let mesh = self.shapes.source.mesh;
-        Some((p.position(mesh), normal_at(mesh, normals, &p), p))
+        Some(((p.position(mesh), normal_at(mesh, normals, &p)), p))
     }
 
     /// The vertices within some rings of triangles, the held ones left out, by connected patches; each rising.
@@ -150,6 +164,15 @@ impl<const K: usize> Images<'_, K> {
         around
     }
 
+    /// Corners of triangles, rising.
+    fn corners_of(&self, triangles: &[usize]) -> Vec<usize> {
+        let t = &self.shapes.target.topology;
+        let mut corners: Vec<usize> = triangles.iter().flat_map(|&f| t.triangles[f]).map(|v| v as usize).collect();
+        corners.sort_unstable();
+        corners.dedup();
+        corners
+    }
+
     fn triangles_of(&self, patch: &[usize]) -> Vec<usize> {
         let t = &self.shapes.target.topology;
         let mut around: Vec<usize> =
@@ -160,7 +183,7 @@ impl<const K: usize> Images<'_, K> {
     }
 
     /// Places the vertices of a patch anew so that no triangle is turned in a chart of the source around their images. Says whether there is such a chart.
-    fn untangle(&mut self, patch: &[usize], around: &[usize], seen: &[Seen], mirrored: bool) -> bool {
+    fn untangle(&mut self, patch: &[usize], around: &[usize], seen: &[Seen], normals: &[DVec3], mirrored: bool) -> bool {
         let (source, target) = (self.shapes.source, self.shapes.target);
         let mut local = HashMap::new();
         let mut vertices = Vec::new();
@@ -175,7 +198,7 @@ impl<const K: usize> Images<'_, K> {
                 })
             })
             .collect();
-        let Some(images) = vertices.iter().map(|&v| seen[v].map(|s| s.2)).collect::<Option<Vec<_>>>() else {
+        let Some(images) = vertices.iter().map(|&v| seen[v].map(|s| s.1)).collect::<Option<Vec<_>>>() else {
             return false;
         };
         let wanted: Vec<u32> = images.iter().map(|p| p.face).collect();
@@ -195,12 +218,30 @@ impl<const K: usize> Images<'_, K> {
             sides.iter_mut().for_each(|s| s.swap(1, 2));
         }
         let free: Vec<u32> = patch.iter().filter_map(|&v| local.get(&(v as u32)).copied()).collect();
-        let done = Patch { triangles: &triangles, sides: &sides, free: &free }.untangle(&mut points);
+        let from = points.clone();
+        let planar = Patch { triangles: &triangles, sides: &sides, free: &free };
+        let mut done = planar.untangle(&mut points);
+        if !done {
+            points = from;
+            planar.average(&mut points);
+            done = planar.untangle(&mut points);
+        }
+        let near = Cell::new(0);
+        let lift = |q: DVec2| {
+            let mut t = near.get();
+            let p = chart.lift(q, &mut t)?;
+            near.set(t);
+            Some(p)
+        };
+        let mesh = source.mesh;
+        set_upright(&triangles, &free, &mut points, if mirrored { -1.0 } else { 1.0 }, |q| {
+            lift(q).map(|p| (p.position(mesh), normal_at(mesh, normals, &p)))
+        });
         if std::env::var("SAY").is_ok() {
             println!("patch {} triangles {} done {done}", patch.len(), around.len());
         }
         for &v in &free {
-            let Some(p) = chart.lift(points[v as usize]) else { continue };
+            let Some(p) = lift(points[v as usize]) else { continue };
             let c = Closest { face: p.face, x: p.barycentric, distance_squared: 0.0 };
             let v = vertices[v as usize];
             self.z[v] = self.closest.point(&c);
@@ -213,5 +254,6 @@ impl<const K: usize> Images<'_, K> {
 /// Whether the image of a triangle faces against the source there; one without image does not.
 fn turned(seen: &[Seen], t: [u32; 3]) -> bool {
     let [Some(a), Some(b), Some(c)] = t.map(|v| seen[v as usize]) else { return false };
-    (b.0 - a.0).cross(c.0 - a.0).dot(a.1 + b.1 + c.1) < 0.0
+    let (n, m) = facing([a.0, b.0, c.0]);
+    n.dot(m) < 0.0
 }

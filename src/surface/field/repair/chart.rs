@@ -10,6 +10,8 @@ use crate::geometry::{NONE, SurfacePoint, Topology};
 const MARGIN: usize = 2;
 /// Rings at most, until all wanted ones hang together.
 const REACH: usize = 8;
+/// Triangles that a walk crosses at most.
+const WALK: usize = 200;
 /// Triangles at most.
 const LARGEST: usize = 4000;
 /// Bounds of the cotangents that serve as weights; positive weights are what keeps the chart from folding.
@@ -22,6 +24,8 @@ pub(super) struct Chart {
     faces: Vec<u32>,
     corners: Vec<[u32; 3]>,
     points: Vec<DVec2>,
+    /// Triangles of the chart across the sides opposite to corners.
+    neighbours: Vec<[u32; 3]>,
 }
 
 impl Chart {
@@ -44,7 +48,9 @@ impl Chart {
         let place: Vec<DVec3> = vertices.iter().map(|&v| positions[v as usize]).collect();
         let rim = rim(&corners)?;
         let points = flatten(&place, &corners, &rim)?;
-        let chart = Self { faces, corners, points };
+        let across = |g: u32| faces.binary_search(&g).map_or(NONE, |t| t as u32);
+        let neighbours = faces.iter().map(|&f| topology.neighbours[f as usize].map(across)).collect();
+        let chart = Self { faces, corners, points, neighbours };
         (0..chart.faces.len()).all(|t| chart.doubled(t) > 0.0).then_some(chart)
     }
 
@@ -59,25 +65,39 @@ impl Chart {
         Some((0..3).map(|k| self.points[self.corners[t][k] as usize] * p.barycentric[k]).sum())
     }
 
-    /// The surface point at a place; `None` outside. O(triangles).
-    pub(super) fn lift(&self, q: DVec2) -> Option<SurfacePoint> {
-        let mut best: Option<(f64, usize, [f64; 3])> = None;
-        for t in 0..self.faces.len() {
-            let [a, b, c] = self.corners[t].map(|v| self.points[v as usize]);
-            let double = (b - a).perp_dot(c - a);
-            let x = [(c - b).perp_dot(q - b), (a - c).perp_dot(q - c), (b - a).perp_dot(q - a)].map(|x| x / double);
-            let least = x[0].min(x[1]).min(x[2]);
-            if best.is_none_or(|b| least > b.0) {
-                best = Some((least, t, x));
+    /// Barycentric coordinates of a place in a triangle.
+    fn within(&self, t: usize, q: DVec2) -> [f64; 3] {
+        let [a, b, c] = self.corners[t].map(|v| self.points[v as usize]);
+        let double = (b - a).perp_dot(c - a);
+        [(c - b).perp_dot(q - b), (a - c).perp_dot(q - c), (b - a).perp_dot(q - a)].map(|x| x / double)
+    }
+
+    /// The surface point at a place; `None` outside. Walks from the triangle `near` of the chart, which becomes the one found.
+    pub(super) fn lift(&self, q: DVec2, near: &mut usize) -> Option<SurfacePoint> {
+        let least = |x: [f64; 3]| x[0].min(x[1]).min(x[2]);
+        let mut t = *near;
+        for _ in 0..WALK {
+            let x = self.within(t, q);
+            if least(x) >= 0.0 {
+                *near = t;
+                return Some(self.point(t, x));
             }
+            let k = (0..3).fold(0, |k, i| if x[i] < x[k] { i } else { k });
+            if self.neighbours[t][k] == NONE {
+                break;
+            }
+            t = self.neighbours[t][k] as usize;
         }
-        let (least, t, x) = best?;
-        if !(least > -1e-9) {
-            return None;
-        }
+        // A walk may end at a hole.
+        let x = (0..self.faces.len()).map(|t| (t, self.within(t, q))).find(|(_, x)| least(*x) >= -1e-12)?;
+        *near = x.0;
+        Some(self.point(x.0, x.1))
+    }
+
+    fn point(&self, t: usize, x: [f64; 3]) -> SurfacePoint {
         let x = x.map(|x| x.max(0.0));
         let sum: f64 = x.iter().sum();
-        Some(SurfacePoint::new(self.faces[t], x.map(|x| x / sum)))
+        SurfacePoint::new(self.faces[t], x.map(|x| x / sum))
     }
 }
 

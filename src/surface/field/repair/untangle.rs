@@ -9,6 +9,8 @@ use glam::DVec2;
 const SWEEPS: usize = 120;
 /// Sweeps more once no triangle is turned: shapes even out.
 const SMOOTHING: usize = 6;
+/// Sweeps of averages.
+const AVERAGES: usize = 60;
 /// Halvings of a step that does not lower the energy.
 const HALVINGS: usize = 10;
 /// A triangle thinner than this (height over base) counts as one so thick: others need not suffer for its shape.
@@ -83,6 +85,22 @@ impl Patch<'_> {
             }
         }
         self.triangles.iter().all(|&t| doubled(points, t) > 0.0)
+    }
+
+    /// Free points at the averages of their neighbours (Tutte), to begin elsewhere.
+    pub(super) fn average(&self, points: &mut [DVec2]) {
+        let mut around = vec![Vec::new(); points.len()];
+        for t in self.triangles {
+            for k in 0..3 {
+                around[t[k] as usize].extend([t[(k + 1) % 3] as usize, t[(k + 2) % 3] as usize]);
+            }
+        }
+        for _ in 0..AVERAGES {
+            for &v in self.free {
+                let around = &around[v as usize];
+                points[v as usize] = around.iter().map(|&w| points[w]).sum::<DVec2>() / around.len().max(1) as f64;
+            }
+        }
     }
 
     /// A step of Newton's method for one point, the positive part of the second derivative in place of the whole, halved until the energy falls.
