@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use self::chart::Chart;
 use self::untangle::Patch;
-use self::upright::{Image, facing, set_upright};
+use self::upright::{Image, Lifted, facing};
 use super::{GUARD, middle};
 use super::closest::{Closest, ClosestOnSurface, FLAT};
 use super::pair::Shapes;
@@ -222,7 +222,7 @@ impl<const K: usize> Images<'_, K> {
         let planar = Patch { triangles: &triangles, sides: &sides, free: &free };
         let mut done = planar.untangle(&mut points);
         if !done {
-            points = from;
+            points.clone_from(&from);
             planar.average(&mut points);
             done = planar.untangle(&mut points);
         }
@@ -234,9 +234,14 @@ impl<const K: usize> Images<'_, K> {
             Some(p)
         };
         let mesh = source.mesh;
-        set_upright(&triangles, &free, &mut points, if mirrored { -1.0 } else { 1.0 }, |q| {
-            lift(q).map(|p| (p.position(mesh), normal_at(mesh, normals, &p)))
-        });
+        let on_surface = Lifted {
+            triangles: &triangles,
+            free: &free,
+            sign: if mirrored { -1.0 } else { 1.0 },
+            lift: |q| lift(q).map(|p| (p.position(mesh), normal_at(mesh, normals, &p))),
+        };
+        on_surface.set_upright(&mut points);
+        on_surface.give_back(&mut points, &from);
         if std::env::var("SAY").is_ok() {
             println!("patch {} triangles {} done {done}", patch.len(), around.len());
         }

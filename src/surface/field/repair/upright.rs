@@ -8,6 +8,9 @@ const SWEEPS: usize = 12;
 const DIRECTIONS: usize = 8;
 /// How far, in parts of the mean distance of its neighbours.
 const STEPS: [f64; 5] = [0.6, 0.3, 0.15, 0.07, 0.03];
+/// Sweeps in which points return, and how much of the way they try.
+const RETURNS: usize = 4;
+const PARTS: [f64; 4] = [1.0, 0.7, 0.4, 0.15];
 /// Cosine between an image and the surface that is enough.
 const ENOUGH: f64 = 0.1;
 
@@ -28,24 +31,59 @@ fn penalty(points: [DVec2; 3], images: [Image; 3], sign: f64) -> f64 {
     f64::from(u8::from(cosine <= 0.0)) + f64::from(u8::from(flat)) + (ENOUGH - cosine).max(0.0)
 }
 
-/// Moves free points while that lowers the penalties of the triangles around them. `lift` gives the image of a place in the chart, `sign` is -1 for a mirror image, whose triangles are given the
-/// other way round.
-pub(super) fn set_upright(
-    triangles: &[[u32; 3]],
-    free: &[u32],
-    points: &mut [DVec2],
-    sign: f64,
-    lift: impl Fn(DVec2) -> Option<Image>,
-) {
-    let Some(mut images) = points.iter().map(|&p| lift(p)).collect::<Option<Vec<Image>>>() else { return };
-    let mut fans = vec![Vec::new(); points.len()];
-    for (i, t) in triangles.iter().enumerate() {
-        t.iter().for_each(|&v| fans[v as usize].push(i));
+/// Triangles of a chart over points whose images on the surface count.
+pub(super) struct Lifted<'a, F: Fn(DVec2) -> Option<Image>> {
+    pub(super) triangles: &'a [[u32; 3]],
+    pub(super) free: &'a [u32],
+    /// -1 for a mirror image, whose triangles are given the other way round.
+    pub(super) sign: f64,
+    /// The image of a place in the chart.
+    pub(super) lift: F,
+}
+
+impl<F: Fn(DVec2) -> Option<Image>> Lifted<'_, F> {
+    fn fans(&self, count: usize) -> Vec<Vec<usize>> {
+        let mut fans = vec![Vec::new(); count];
+        for (i, t) in self.triangles.iter().enumerate() {
+            t.iter().for_each(|&v| fans[v as usize].push(i));
+        }
+        fans
     }
-    let at = |points: &[DVec2], images: &[Image], i: usize| {
-        let t = triangles[i].map(|v| v as usize);
-        penalty(t.map(|v| points[v]), t.map(|v| images[v]), sign)
-    };
+
+    fn penalty(&self, i: usize, points: &[DVec2], images: &[Image]) -> f64 {
+        let t = self.triangles[i].map(|v| v as usize);
+        penalty(t.map(|v| points[v]), t.map(|v| images[v]), self.sign)
+    }
+
+    /// Lets every free point return towards `from` as far as no penalty rises: what a patch need not lose it keeps.
+    pub(super) fn give_back(&self, points: &mut [DVec2], from: &[DVec2]) {
+        let Some(mut images) = points.iter().map(|&p| (self.lift)(p)).collect::<Option<Vec<Image>>>() else { return };
+        let fans = self.fans(points.len());
+        for _ in 0..RETURNS {
+            for &v in self.free {
+                let v = v as usize;
+                let around = |points: &[DVec2], images: &[Image]| fans[v].iter().map(|&i| self.penalty(i, points, images)).sum::<f64>();
+                let limit = around(points, &images);
+                let (here, image) = (points[v], images[v]);
+                for part in PARTS {
+                    let to = here.lerp(from[v], part);
+                    let Some(there) = (self.lift)(to) else { continue };
+                    (points[v], images[v]) = (to, there);
+                    if around(points, &images) <= limit {
+                        break;
+                    }
+                    (points[v], images[v]) = (here, image);
+                }
+            }
+        }
+    }
+
+    /// Moves free points while that lowers the penalties of the triangles around them.
+    pub(super) fn set_upright(&self, points: &mut [DVec2]) {
+        let Some(mut images) = points.iter().map(|&p| (self.lift)(p)).collect::<Option<Vec<Image>>>() else { return };
+        let (triangles, free, lift) = (self.triangles, self.free, &self.lift);
+        let fans = self.fans(points.len());
+        let at = |points: &[DVec2], images: &[Image], i: usize| self.penalty(i, points, images);
     for sweep in 0..SWEEPS {
         let mut near = vec![false; points.len()];
         let bad: Vec<usize> = (0..triangles.len()).filter(|&i| at(points, &images, i) > ENOUGH).collect();
@@ -93,4 +131,5 @@ pub(super) fn set_upright(
             return;
         }
     }
+}
 }
