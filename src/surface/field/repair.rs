@@ -64,7 +64,7 @@ impl<const K: usize> Images<'_, K> {
         let bad = |seen: &[Seen], t: usize| usable[t] && over(seen, t) != mirrored;
         let mut left: Vec<usize> = all.iter().copied().filter(|&t| bad(&seen, t)).collect();
         let before = left.len();
-        for rings in 0..=RINGS {
+        for (rings, whole) in (0..=RINGS).map(|r| (r, true)).chain((0..=RINGS).map(|r| (r, false))) {
             if left.is_empty() || 10 * left.len() > all.len() {
                 break;
             }
@@ -77,7 +77,7 @@ impl<const K: usize> Images<'_, K> {
                 }
                 let kept: Vec<_> = patch.iter().map(|&v| (self.z[v], self.starts[v])).collect();
                 let before_seen: Vec<(usize, Seen)> = self.corners_of(&around).into_iter().map(|v| (v, seen[v])).collect();
-                if !self.untangle(&patch, &around, &seen, &normals, mirrored) {
+                if !self.untangle(&patch, &around, &seen, &normals, mirrored, whole) {
                     continue;
                 }
                 for &(v, _) in &before_seen {
@@ -183,7 +183,7 @@ impl<const K: usize> Images<'_, K> {
     }
 
     /// Places the vertices of a patch anew so that no triangle is turned in a chart of the source around their images. Says whether there is such a chart.
-    fn untangle(&mut self, patch: &[usize], around: &[usize], seen: &[Seen], normals: &[DVec3], mirrored: bool) -> bool {
+    fn untangle(&mut self, patch: &[usize], around: &[usize], seen: &[Seen], normals: &[DVec3], mirrored: bool, whole: bool) -> bool {
         let (source, target) = (self.shapes.source, self.shapes.target);
         let mut local = HashMap::new();
         let mut vertices = Vec::new();
@@ -225,6 +225,9 @@ impl<const K: usize> Images<'_, K> {
             points.clone_from(&from);
             planar.average(&mut points);
             done = planar.untangle(&mut points);
+        }
+        if whole && !done {
+            return false;
         }
         let near = Cell::new(0);
         let lift = |q: DVec2| {

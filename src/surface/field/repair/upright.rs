@@ -78,58 +78,86 @@ impl<F: Fn(DVec2) -> Option<Image>> Lifted<'_, F> {
         }
     }
 
-    /// Moves free points while that lowers the penalties of the triangles around them.
+    /// Moves free points while that lowers the penalties of the triangles around them: one at a time, and together those of a bad triangle or around one of its corners where no single move helps.
     pub(super) fn set_upright(&self, points: &mut [DVec2]) {
         let Some(mut images) = points.iter().map(|&p| (self.lift)(p)).collect::<Option<Vec<Image>>>() else { return };
-        let (triangles, free, lift) = (self.triangles, self.free, &self.lift);
         let fans = self.fans(points.len());
-        let at = |points: &[DVec2], images: &[Image], i: usize| self.penalty(i, points, images);
-    for sweep in 0..SWEEPS {
-        let mut near = vec![false; points.len()];
-        let bad: Vec<usize> = (0..triangles.len()).filter(|&i| at(points, &images, i) > ENOUGH).collect();
-        if bad.is_empty() {
-            return;
-        }
-        for &v in bad.iter().flat_map(|&i| &triangles[i]) {
-            for &w in fans[v as usize].iter().flat_map(|&i| &triangles[i]) {
-                near[w as usize] = true;
+        let mut may_move = vec![false; points.len()];
+        self.free.iter().for_each(|&v| may_move[v as usize] = true);
+        // Points that a triangle of the fan of one of `of` has.
+        let near = |of: &[u32]| {
+            let mut near: Vec<u32> =
+                of.iter().flat_map(|&v| &fans[v as usize]).flat_map(|&i| self.triangles[i]).filter(|&v| may_move[v as usize]).collect();
+            near.sort_unstable();
+            near.dedup();
+            near
+        };
+        for sweep in 0..SWEEPS {
+            let bad: Vec<usize> =
+                (0..self.triangles.len()).filter(|&i| self.penalty(i, points, &images) > 0.0).collect();
+            let mut corners: Vec<u32> = bad.iter().flat_map(|&i| self.triangles[i]).collect();
+            corners.sort_unstable();
+            corners.dedup();
+            let mut moved = false;
+            for v in near(&corners) {
+                moved |= self.move_together(&[v], &fans, sweep, points, &mut images);
             }
-        }
-        let mut moved = false;
-        for &v in free.iter().filter(|&&v| near[v as usize]) {
-            let v = v as usize;
-            let around = |points: &[DVec2], images: &[Image]| fans[v].iter().map(|&i| at(points, images, i)).sum::<f64>();
-            let mut least = around(points, &images);
-            if least == 0.0 {
+            if moved {
                 continue;
             }
-            let (from, image) = (points[v], images[v]);
-            let reach = fans[v]
-                .iter()
-                .flat_map(|&i| triangles[i])
-                .map(|w| points[w as usize].distance(from))
-                .sum::<f64>()
-                / (2 * fans[v].len()) as f64;
-            let mut best = (from, image);
-            for step in STEPS {
-                for k in 0..DIRECTIONS {
-                    // Other directions in the next sweep.
-                    let angle = (k as f64 + 0.382 * sweep as f64) * std::f64::consts::TAU / DIRECTIONS as f64;
-                    let to = from + DVec2::from_angle(angle) * (step * reach);
-                    let Some(there) = lift(to) else { continue };
-                    (points[v], images[v]) = (to, there);
-                    let now = around(points, &images);
-                    if now < least - 1e-9 {
-                        (least, best) = (now, (to, there));
-                        moved = true;
+            for &i in &bad {
+                if self.penalty(i, points, &images) <= 1.0 {
+                    continue;
+                }
+                let [a, b, c] = self.triangles[i];
+                let together = [vec![a, b], vec![b, c], vec![c, a], vec![a, b, c], near(&[a]), near(&[b]), near(&[c]), near(&[a, b, c])];
+                for mut group in together {
+                    group.retain(|&v| may_move[v as usize]);
+                    if group.len() > 1 {
+                        moved |= self.move_together(&group, &fans, sweep, points, &mut images);
                     }
                 }
             }
-            (points[v], images[v]) = best;
-        }
-        if !moved {
-            return;
+            if !moved {
+                return;
+            }
         }
     }
+
+    /// The best of some shifts of a few points, if one lowers the penalties of the triangles around them.
+    fn move_together(&self, group: &[u32], fans: &[Vec<usize>], sweep: usize, points: &mut [DVec2], images: &mut [Image]) -> bool {
+        let mut fan: Vec<usize> = group.iter().flat_map(|&v| fans[v as usize].iter().copied()).collect();
+        fan.sort_unstable();
+        fan.dedup();
+        let around = |points: &[DVec2], images: &[Image]| fan.iter().map(|&i| self.penalty(i, points, images)).sum::<f64>();
+        let mut least = around(points, images);
+        if least == 0.0 {
+            return false;
+        }
+        let sides = fan.iter().flat_map(|&i| [0, 1, 2].map(|k| (self.triangles[i][k], self.triangles[i][(k + 1) % 3])));
+        let reach = sides.map(|(a, b)| points[a as usize].distance(points[b as usize])).sum::<f64>() / (3 * fan.len()) as f64;
+        let from: Vec<(DVec2, Image)> = group.iter().map(|&v| (points[v as usize], images[v as usize])).collect();
+        let mut best = from.clone();
+        for step in STEPS {
+            for k in 0..DIRECTIONS {
+                // Other directions in the next sweep.
+                let angle = (k as f64 + 0.382 * sweep as f64) * std::f64::consts::TAU / DIRECTIONS as f64;
+                let shift = DVec2::from_angle(angle) * (step * reach);
+                let Some(there) = from.iter().map(|f| Some((f.0 + shift, (self.lift)(f.0 + shift)?))).collect::<Option<Vec<_>>>() else { continue };
+                set(group, &there, points, images);
+                let now = around(points, images);
+                if now < least - 1e-9 {
+                    (least, best) = (now, there);
+                }
+            }
+        }
+        set(group, &best, points, images);
+        best != from
+    }
 }
+
+fn set(group: &[u32], to: &[(DVec2, Image)], points: &mut [DVec2], images: &mut [Image]) {
+    for (&v, &(p, image)) in group.iter().zip(to) {
+        (points[v as usize], images[v as usize]) = (p, image);
+    }
 }
