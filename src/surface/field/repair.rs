@@ -16,17 +16,19 @@ use self::upright::{Image, Lifted, facing};
 use super::{GUARD, middle};
 use super::closest::{Closest, ClosestOnSurface, FLAT};
 use super::pair::Shapes;
+use crate::engine::Real;
 use crate::geometry::{NONE, SurfacePoint};
 use crate::surface::PhongSurface;
 use crate::surface::quality::{normal_at, vertex_normals};
-use crate::surface::vector::Vector;
+use crate::surface::vector::{Vector, cast};
 
 /// Rings around turned triangles that may move, at most. Larger patches turn hardly a triangle more back and can lose what their vertices know.
 const RINGS: usize = 6;
 /// The images of a target's vertices, as they are repaired.
-pub(super) struct Images<'a, const K: usize> {
+pub(super) struct Images<'a, S: Real, const K: usize> {
     pub(super) shapes: &'a Shapes<'a>,
-    pub(super) reference: &'a PhongSurface<f64, K>,
+    /// The source as the field projects to it.
+    pub(super) source: &'a PhongSurface<S, K>,
     pub(super) closest: &'a ClosestOnSurface<'a, K>,
     /// Of each vertex in R^K.
     pub(super) z: &'a mut [Vector<f64, K>],
@@ -48,7 +50,7 @@ pub(super) struct Repaired {
 /// Position of an image on the source, and the normal there.
 type Seen = Option<(Image, SurfacePoint)>;
 
-impl<const K: usize> Images<'_, K> {
+impl<S: Real, const K: usize> Images<'_, S, K> {
     /// Replaces the images around turned triangles by averages of those around them (Tutte), drawn onto the source: their own vertices first, rings around them where that does not help. A patch is kept only if fewer of its
     /// triangles are turned. Vertices of `held` stay. `O(F)` and little more, since turned triangles are few.
     pub(super) fn repair(&mut self, held: &[bool]) -> Repaired {
@@ -68,6 +70,7 @@ impl<const K: usize> Images<'_, K> {
             if left.is_empty() || 10 * left.len() > all.len() {
                 break;
             }
+            let mut also = Vec::new();
             for patch in self.patches(&left, rings, held) {
                 let around = self.triangles_of(&patch);
                 let count = |seen: &[Seen]| around.iter().filter(|&&t| bad(seen, t)).count();
@@ -89,8 +92,14 @@ impl<const K: usize> Images<'_, K> {
                         (self.z[v], self.starts[v]) = (z, start);
                     }
                     before_seen.into_iter().for_each(|(v, image)| seen[v] = image);
+                } else {
+                    // Others than before, maybe.
+                    also.extend(around);
                 }
             }
+            left.extend(also);
+            left.sort_unstable();
+            left.dedup();
             left.retain(|&t| bad(&seen, t));
         }
         Repaired { before, left: all.into_iter().filter(|&t| bad(&seen, t)).collect() }
@@ -106,10 +115,10 @@ impl<const K: usize> Images<'_, K> {
         } else {
             self.start_faces[first]
         };
-        let image = self.reference.project_near(&self.z[v], start, &starts);
+        let image = self.source.project_near(&cast(&self.z[v]), start, &starts);
         // As the field itself guards them.
-        let p = if image.face != NONE && image.distance_squared <= GUARD * GUARD {
-            SurfacePoint::new(image.face, image.x)
+        let p = if image.face != NONE && image.distance_squared.to_f64() <= GUARD * GUARD {
+            SurfacePoint::new(image.face, image.x.map(|x| x.to_f64()))
         } else {
             let c = self.closest.near((&self.z[v], &FLAT), self.starts[v])?;
             SurfacePoint::new(c.face, c.x)
