@@ -19,6 +19,7 @@ use super::pair::Shapes;
 use crate::engine::Real;
 use crate::geometry::{NONE, SurfacePoint};
 use crate::surface::PhongSurface;
+use crate::surface::project::Found;
 use crate::surface::quality::{normal_at, vertex_normals};
 use crate::surface::vector::{Vector, cast};
 
@@ -66,7 +67,7 @@ impl<S: Real, const K: usize> Images<'_, S, K> {
         let bad = |seen: &[Seen], t: usize| usable[t] && over(seen, t) != mirrored;
         let mut left: Vec<usize> = all.iter().copied().filter(|&t| bad(&seen, t)).collect();
         let before = left.len();
-        for (rings, whole) in (0..=RINGS).map(|r| (r, true)).chain((0..=RINGS).map(|r| (r, false))) {
+        for (round, rings) in (0..3).flat_map(|round| (0..=RINGS).map(move |r| (round, r))) {
             if left.is_empty() || 10 * left.len() > all.len() {
                 break;
             }
@@ -80,7 +81,7 @@ impl<S: Real, const K: usize> Images<'_, S, K> {
                 }
                 let kept: Vec<_> = patch.iter().map(|&v| (self.z[v], self.starts[v])).collect();
                 let before_seen: Vec<(usize, Seen)> = self.corners_of(&around).into_iter().map(|v| (v, seen[v])).collect();
-                if !self.untangle(&patch, &around, &seen, &normals, mirrored, whole) {
+                if !self.untangle(&patch, &around, &seen, &normals, mirrored, round) {
                     continue;
                 }
                 for &(v, _) in &before_seen {
@@ -116,12 +117,19 @@ impl<S: Real, const K: usize> Images<'_, S, K> {
             self.start_faces[first]
         };
         let image = self.source.project_near(&cast(&self.z[v]), start, &starts);
+        let projected = SurfacePoint::new(image.face, image.x.map(|x| x.to_f64()));
+        let distance = image.distance_squared.to_f64().sqrt();
         // As the field itself guards them.
-        let p = if image.face != NONE && image.distance_squared.to_f64() <= GUARD * GUARD {
-            SurfacePoint::new(image.face, image.x.map(|x| x.to_f64()))
+        let p = if image.face != NONE && distance <= GUARD {
+            projected
         } else {
-            let c = self.closest.near((&self.z[v], &FLAT), self.starts[v])?;
-            SurfacePoint::new(c.face, c.x)
+            let c = self.closest.find(&self.z[v])?;
+            let near = distance <= 1.5 * c.distance_squared.sqrt() + GUARD;
+            if near && image.face != NONE && image.found != Found::Nothing {
+                projected
+            } else {
+                SurfacePoint::new(c.face, c.x)
+            }
         };
         let mesh = self.shapes.source.mesh;
         Some(((p.position(mesh), normal_at(mesh, normals, &p)), p))
@@ -192,7 +200,7 @@ impl<S: Real, const K: usize> Images<'_, S, K> {
     }
 
     /// Places the vertices of a patch anew so that no triangle is turned in a chart of the source around their images. Says whether there is such a chart.
-    fn untangle(&mut self, patch: &[usize], around: &[usize], seen: &[Seen], normals: &[DVec3], mirrored: bool, whole: bool) -> bool {
+    fn untangle(&mut self, patch: &[usize], around: &[usize], seen: &[Seen], normals: &[DVec3], mirrored: bool, round: usize) -> bool {
         let (source, target) = (self.shapes.source, self.shapes.target);
         let mut local = HashMap::new();
         let mut vertices = Vec::new();
@@ -229,13 +237,14 @@ impl<S: Real, const K: usize> Images<'_, S, K> {
         let free: Vec<u32> = patch.iter().filter_map(|&v| local.get(&(v as u32)).copied()).collect();
         let from = points.clone();
         let planar = Patch { triangles: &triangles, sides: &sides, free: &free };
-        let mut done = planar.untangle(&mut points);
+        let mut done = round != 1 && planar.untangle(&mut points);
         if !done {
             points.clone_from(&from);
             planar.average(&mut points);
             done = planar.untangle(&mut points);
         }
-        if whole && !done {
+        if round < 2 && !done {
+            if std::env::var("SAY").is_ok() { println!("notdone patch {} of {}", patch.len(), around.len()); }
             return false;
         }
         let near = Cell::new(0);
@@ -249,6 +258,7 @@ impl<S: Real, const K: usize> Images<'_, S, K> {
         let on_surface = Lifted {
             triangles: &triangles,
             free: &free,
+            flat: round < 2,
             sign: if mirrored { -1.0 } else { 1.0 },
             lift: |q| lift(q).map(|p| (p.position(mesh), normal_at(mesh, normals, &p))),
         };

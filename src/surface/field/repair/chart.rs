@@ -8,6 +8,7 @@ use crate::geometry::{NONE, SurfacePoint, Topology};
 
 /// Rings of triangles around the wanted ones: what is near the rim of a chart is squeezed.
 const MARGIN: usize = 2;
+const WIDEST: usize = 5;
 /// Rings at most, until all wanted ones hang together.
 const REACH: usize = 8;
 /// Triangles that a walk crosses at most.
@@ -31,7 +32,11 @@ pub(super) struct Chart {
 impl Chart {
     /// Flattens the surroundings of some triangles; `None` where these are no disk or too large.
     pub(super) fn new(positions: &[DVec3], topology: &Topology, wanted: &[u32]) -> Option<Self> {
-        let faces = region(topology, wanted)?;
+        // A rim that touches itself may not do so farther out.
+        (MARGIN..=WIDEST).find_map(|margin| Self::within_rings(positions, topology, region(topology, wanted, margin)?))
+    }
+
+    fn within_rings(positions: &[DVec3], topology: &Topology, faces: Vec<u32>) -> Option<Self> {
         let mut local = HashMap::new();
         let mut vertices = Vec::new();
         let corners: Vec<[u32; 3]> = faces
@@ -102,14 +107,14 @@ impl Chart {
 }
 
 /// The wanted triangles, rings around them until they hang together, and a margin; rising.
-fn region(topology: &Topology, wanted: &[u32]) -> Option<Vec<u32>> {
+fn region(topology: &Topology, wanted: &[u32], widest: usize) -> Option<Vec<u32>> {
     let mut inside: HashMap<u32, ()> = HashMap::new();
     let mut faces: Vec<u32> = wanted.to_vec();
     faces.sort_unstable();
     faces.dedup();
     faces.iter().for_each(|&f| drop(inside.insert(f, ())));
     let mut margin = 0;
-    for _ in 0..REACH + MARGIN {
+    for _ in 0..REACH + widest {
         let mut next: Vec<u32> = Vec::new();
         for &f in &faces {
             for v in topology.triangles[f as usize] {
@@ -127,11 +132,11 @@ fn region(topology: &Topology, wanted: &[u32]) -> Option<Vec<u32>> {
         if margin > 0 || connected(topology, &faces, &inside) {
             margin += 1;
         }
-        if margin > MARGIN {
+        if margin > widest {
             break;
         }
     }
-    if margin <= MARGIN {
+    if margin <= widest {
         return None;
     }
     faces.sort_unstable();

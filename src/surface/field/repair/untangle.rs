@@ -62,6 +62,7 @@ impl Patch<'_> {
         let area: f64 = 0.5 * self.triangles.iter().map(|&t| doubled(points, t)).sum::<f64>();
         let own: f64 = self.sides.iter().filter_map(|&s| shape(s, 1.0)).map(|s| s.area).sum();
         if !(area > 0.0 && own > 0.0 && area.is_finite()) {
+            if std::env::var("SAY").is_ok() { println!("rim {area} {own}"); }
             return false;
         }
         let scale = (area / own).sqrt();
@@ -84,7 +85,9 @@ impl Patch<'_> {
                 self.move_vertex(v, &fans[v as usize], &shapes, eps, points);
             }
         }
-        self.triangles.iter().all(|&t| doubled(points, t) > 0.0)
+        let ok = self.triangles.iter().all(|&t| doubled(points, t) > 0.0);
+        if !ok && std::env::var("SAY").is_ok() { println!("left {} of {}", self.triangles.iter().filter(|&&t| !(doubled(points, t) > 0.0)).count(), self.triangles.len()); }
+        ok
     }
 
     /// Free points at the averages of their neighbours (Tutte), to begin elsewhere.

@@ -24,10 +24,10 @@ pub(super) fn facing(images: [Image; 3]) -> (DVec3, DVec3) {
 }
 
 /// One triangle's part in what is to be lowered: how far it is from facing as the surface does, and much more where it faces against it, in space or in the chart.
-fn penalty(points: [DVec2; 3], images: [Image; 3], sign: f64) -> f64 {
+fn penalty(points: [DVec2; 3], images: [Image; 3], sign: f64, flat: bool) -> f64 {
     let (n, m) = facing(images);
     let cosine = sign * n.normalize_or_zero().dot(m.normalize_or_zero());
-    let flat = (points[1] - points[0]).perp_dot(points[2] - points[0]) <= 0.0;
+    let flat = flat && (points[1] - points[0]).perp_dot(points[2] - points[0]) <= 0.0;
     f64::from(u8::from(cosine <= 0.0)) + f64::from(u8::from(flat)) + (ENOUGH - cosine).max(0.0)
 }
 
@@ -35,6 +35,8 @@ fn penalty(points: [DVec2; 3], images: [Image; 3], sign: f64) -> f64 {
 pub(super) struct Lifted<'a, F: Fn(DVec2) -> Option<Image>> {
     pub(super) triangles: &'a [[u32; 3]],
     pub(super) free: &'a [u32],
+    /// Whether triangles must face up in the chart, too.
+    pub(super) flat: bool,
     /// -1 for a mirror image, whose triangles are given the other way round.
     pub(super) sign: f64,
     /// The image of a place in the chart.
@@ -52,7 +54,7 @@ impl<F: Fn(DVec2) -> Option<Image>> Lifted<'_, F> {
 
     fn penalty(&self, i: usize, points: &[DVec2], images: &[Image]) -> f64 {
         let t = self.triangles[i].map(|v| v as usize);
-        penalty(t.map(|v| points[v]), t.map(|v| images[v]), self.sign)
+        penalty(t.map(|v| points[v]), t.map(|v| images[v]), self.sign, self.flat)
     }
 
     /// Lets every free point return towards `from` as far as no penalty rises: what a patch need not lose it keeps.
