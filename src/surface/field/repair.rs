@@ -1,11 +1,14 @@
 //! Turning back the few triangles whose image is turned over.
+//!
+//! Such triangles lie where a relaxation folds: around details much smaller than the error of a map (lids, nails, lips) and at creases of the source. The vertices around them get new images: in a flat chart of the
+//! source around the old ones ([`chart`]) the triangles are untangled ([`untangle`]), then moved where the surface, which is not flat, turns them still, and at last each vertex goes back as far as it can
+//! ([`upright`]), so that a map loses nothing that it need not.
 
 mod chart;
 mod untangle;
 mod upright;
 
 use std::cell::Cell;
-use std::collections::HashMap;
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -13,9 +16,9 @@ use rayon::prelude::*;
 use self::chart::Chart;
 use self::untangle::Patch;
 use self::upright::{Image, Lifted, facing};
-use super::{GUARD, middle};
 use super::closest::{Closest, ClosestOnSurface, FLAT};
 use super::pair::Shapes;
+use super::{GUARD, middle};
 use crate::engine::Real;
 use crate::geometry::{NONE, SurfacePoint};
 use crate::surface::PhongSurface;
@@ -23,8 +26,15 @@ use crate::surface::project::Found;
 use crate::surface::quality::{normal_at, vertex_normals};
 use crate::surface::vector::{Vector, cast};
 
-/// Rings around turned triangles that may move, at most. Larger patches turn hardly a triangle more back and can lose what their vertices know.
+/// Rings around turned triangles that may move, at most.
 const RINGS: usize = 6;
+/// Ways to begin, one after the other with all rings: at the present images or (1) at averages; the triangles right in the chart as well as on the surface, or (2, 3) on the surface alone.
+const WAYS: usize = 4;
+/// Triangles of patches that are worked on, all in all, over those of the target, and beside them.
+const WORK: [usize; 2] = [1, 20_000];
+/// A turned triangle more than this part of all, and the map is not one that can be repaired.
+const HOPELESS: usize = 10;
+
 /// The images of a target's vertices, as they are repaired.
 pub(super) struct Images<'a, S: Real, const K: usize> {
     pub(super) shapes: &'a Shapes<'a>,
@@ -48,16 +58,27 @@ pub(super) struct Repaired {
     pub(super) left: Vec<usize>,
 }
 
-/// Position of an image on the source, and the normal there.
+/// The image of a vertex, and where on the source it is.
 type Seen = Option<(Image, SurfacePoint)>;
 
+/// How patches are untangled.
+#[derive(Clone, Copy, Debug)]
+struct Way {
+    mirrored: bool,
+    /// Whether to begin at averages.
+    average: bool,
+    /// Whether triangles must be right in the chart.
+    flat: bool,
+}
+
 impl<S: Real, const K: usize> Images<'_, S, K> {
-    /// Replaces the images around turned triangles by averages of those around them (Tutte), drawn onto the source: their own vertices first, rings around them where that does not help. A patch is kept only if fewer of its
-    /// triangles are turned. Vertices of `held` stay. `O(F)` and little more, since turned triangles are few.
+    /// Gives the vertices of turned triangles new images, then those of rings around them where that does not help. A patch is kept only if fewer of its triangles are turned. Vertices of `held` stay.
+    /// `O(F)`, and what turned triangles take, within bounds.
     pub(super) fn repair(&mut self, held: &[bool]) -> Repaired {
         let source = self.shapes.source;
         let normals = vertex_normals(source.mesh, source.topology);
-        let mut seen: Vec<Seen> = (0..self.z.len()).into_par_iter().map(|v| self.see(v, &normals, false)).collect();
+        let first = |v: usize| Some(self.start_faces[self.first(v)?]);
+        let mut seen: Vec<Seen> = (0..self.z.len()).into_par_iter().map(|v| self.see(v, first(v)?, &normals)).collect();
         let triangles = &self.shapes.target.topology.triangles;
         let usable = &self.shapes.target.topology.usable;
         let all: Vec<usize> = (0..triangles.len()).filter(|&t| usable[t]).collect();
@@ -67,38 +88,41 @@ impl<S: Real, const K: usize> Images<'_, S, K> {
         let bad = |seen: &[Seen], t: usize| usable[t] && over(seen, t) != mirrored;
         let mut left: Vec<usize> = all.iter().copied().filter(|&t| bad(&seen, t)).collect();
         let before = left.len();
-        for (round, rings) in (0..3).flat_map(|round| (0..=RINGS).map(move |r| (round, r))) {
-            if left.is_empty() || 10 * left.len() > all.len() {
+        let mut work = WORK[0] * all.len() + WORK[1];
+        for (way, rings) in (0..WAYS).flat_map(|way| (0..=RINGS).map(move |rings| (way, rings))) {
+            if left.is_empty() || HOPELESS * left.len() > all.len() {
                 break;
             }
-            let mut also = Vec::new();
+            let way = Way { mirrored, average: way % 2 == 1, flat: way < 2 };
+            let mut touched = Vec::new();
             for patch in self.patches(&left, rings, held) {
                 let around = self.triangles_of(&patch);
                 let count = |seen: &[Seen]| around.iter().filter(|&&t| bad(seen, t)).count();
                 let was = count(&seen);
-                if was == 0 {
+                if was == 0 || around.len() > work {
                     continue;
                 }
-                let kept: Vec<_> = patch.iter().map(|&v| (self.z[v], self.starts[v])).collect();
-                let before_seen: Vec<(usize, Seen)> = self.corners_of(&around).into_iter().map(|v| (v, seen[v])).collect();
-                if !self.untangle(&patch, &around, &seen, &normals, mirrored, round) {
-                    continue;
+                work -= around.len();
+                let Some(images) = self.untangled(&patch, &around, &seen, &normals, way) else { continue };
+                let replace = |p: &SurfacePoint| Closest { face: p.face, x: p.barycentric, distance_squared: 0.0 };
+                let new: Vec<_> =
+                    images.iter().map(replace).map(|c| (self.closest.point(&c), self.closest.vertex(&c))).collect();
+                let kept = self.exchange(&patch, new);
+                // What a start changes may reach the other corners.
+                let corners = self.corners_of(&around);
+                let seen_before: Vec<Seen> = corners.iter().map(|&v| seen[v]).collect();
+                for &v in &corners {
+                    seen[v] = self.start(v).and_then(|start| self.see(v, start, &normals));
                 }
-                for &(v, _) in &before_seen {
-                    seen[v] = self.see(v, &normals, true);
-                }
-                if std::env::var("SAY").is_ok() { println!("   rings {rings} patch {} was {was} now {}", patch.len(), count(&seen)); }
-                if count(&seen) >= was {
-                    for (&v, (z, start)) in patch.iter().zip(kept) {
-                        (self.z[v], self.starts[v]) = (z, start);
-                    }
-                    before_seen.into_iter().for_each(|(v, image)| seen[v] = image);
+                if count(&seen) < was {
+                    // Not only those that were turned before.
+                    touched.extend(around);
                 } else {
-                    // Others than before, maybe.
-                    also.extend(around);
+                    self.exchange(&patch, kept);
+                    corners.iter().zip(seen_before).for_each(|(&v, image)| seen[v] = image);
                 }
             }
-            left.extend(also);
+            left.extend(touched);
             left.sort_unstable();
             left.dedup();
             left.retain(|&t| bad(&seen, t));
@@ -106,16 +130,29 @@ impl<S: Real, const K: usize> Images<'_, S, K> {
         Repaired { before, left: all.into_iter().filter(|&t| bad(&seen, t)).collect() }
     }
 
-    /// Where a vertex goes.
-    fn see(&self, v: usize, normals: &[DVec3], again: bool) -> Seen {
-        let first = self.shapes.target.topology.vertex_point(v as u32)?.face as usize;
-        let corners = self.shapes.target.topology.triangles[first];
-        let starts = corners.map(|v| self.starts[v as usize]);
-        let start = if again {
-            self.closest.near((&middle(self.z, corners), &FLAT), starts[0]).map_or(NONE, |c| c.face)
-        } else {
-            self.start_faces[first]
+    /// Gives vertices other images and starts, and returns those they had.
+    fn exchange(&mut self, patch: &[usize], new: Vec<(Vector<f64, K>, u32)>) -> Vec<(Vector<f64, K>, u32)> {
+        let mut one = |(&v, (z, start)): (&usize, (Vector<f64, K>, u32))| {
+            (std::mem::replace(&mut self.z[v], z), std::mem::replace(&mut self.starts[v], start))
         };
+        patch.iter().zip(new).map(&mut one).collect()
+    }
+
+    /// The triangle as a corner of which a vertex is mapped.
+    fn first(&self, v: usize) -> Option<usize> {
+        self.shapes.target.topology.vertex_triangles(v as u32).first().map(|&t| t as usize)
+    }
+
+    /// Where the search for the image of a vertex starts, found anew.
+    fn start(&self, v: usize) -> Option<u32> {
+        let corners = self.shapes.target.topology.triangles[self.first(v)?];
+        let near = self.closest.near((&middle(self.z, corners), &FLAT), self.starts[corners[0] as usize]);
+        Some(near.map_or(NONE, |c| c.face))
+    }
+
+    /// Where a vertex goes, the search starting from a triangle of the source.
+    fn see(&self, v: usize, start: u32, normals: &[DVec3]) -> Seen {
+        let starts = self.shapes.target.topology.triangles[self.first(v)?].map(|v| self.starts[v as usize]);
         let image = self.source.project_near(&cast(&self.z[v]), start, &starts);
         let projected = SurfacePoint::new(image.face, image.x.map(|x| x.to_f64()));
         let distance = image.distance_squared.to_f64().sqrt();
@@ -131,8 +168,12 @@ impl<S: Real, const K: usize> Images<'_, S, K> {
                 SurfacePoint::new(c.face, c.x)
             }
         };
+        Some((self.image(&p, normals), p))
+    }
+
+    fn image(&self, p: &SurfacePoint, normals: &[DVec3]) -> Image {
         let mesh = self.shapes.source.mesh;
-        Some(((p.position(mesh), normal_at(mesh, normals, &p)), p))
+        (p.position(mesh), normal_at(mesh, normals, p))
     }
 
     /// The vertices within some rings of triangles, the held ones left out, by connected patches; each rising.
@@ -199,82 +240,61 @@ impl<S: Real, const K: usize> Images<'_, S, K> {
         around
     }
 
-    /// Places the vertices of a patch anew so that no triangle is turned in a chart of the source around their images. Says whether there is such a chart.
-    fn untangle(&mut self, patch: &[usize], around: &[usize], seen: &[Seen], normals: &[DVec3], mirrored: bool, round: usize) -> bool {
+    /// New images of the vertices of a patch, the other corners of the triangles around it staying; `None` if there is no chart for them, or no way to place them in it.
+    fn untangled(
+        &self,
+        patch: &[usize],
+        around: &[usize],
+        seen: &[Seen],
+        normals: &[DVec3],
+        way: Way,
+    ) -> Option<Vec<SurfacePoint>> {
         let (source, target) = (self.shapes.source, self.shapes.target);
-        let mut local = HashMap::new();
-        let mut vertices = Vec::new();
-        let mut triangles: Vec<[u32; 3]> = around
-            .iter()
-            .map(|&t| {
-                target.topology.triangles[t].map(|v| {
-                    *local.entry(v).or_insert_with(|| {
-                        vertices.push(v as usize);
-                        vertices.len() as u32 - 1
-                    })
-                })
-            })
-            .collect();
-        let Some(images) = vertices.iter().map(|&v| seen[v].map(|s| s.1)).collect::<Option<Vec<_>>>() else {
-            return false;
-        };
+        let vertices = self.corners_of(around);
+        let local = |v: usize| vertices.binary_search(&v).ok().map(|k| k as u32);
+        let images: Vec<SurfacePoint> = vertices.iter().map(|&v| Some(seen[v]?.1)).collect::<Option<_>>()?;
         let wanted: Vec<u32> = images.iter().map(|p| p.face).collect();
-        let Some(chart) = Chart::new(&source.mesh.positions, source.topology, &wanted) else { return false };
-        let Some(mut points) = images.iter().map(|p| chart.place(p)).collect::<Option<Vec<DVec2>>>() else {
-            return false;
-        };
-        let mut sides: Vec<[f64; 3]> = around
-            .iter()
-            .map(|&t| {
-                let p = target.mesh.triangle_positions(t);
-                [0, 1, 2].map(|k| p[(k + 1) % 3].distance_squared(p[(k + 2) % 3]))
-            })
-            .collect();
-        if mirrored {
-            triangles.iter_mut().for_each(|t| t.swap(1, 2));
-            sides.iter_mut().for_each(|s| s.swap(1, 2));
+        let chart = Chart::new(&source.mesh.positions, source.topology, &wanted)?;
+        let from: Vec<DVec2> = images.iter().map(|p| chart.place(p)).collect::<Option<_>>()?;
+        let (mut triangles, mut sides) = (Vec::new(), Vec::new());
+        for &t in around {
+            let [a, b, c] = target.topology.triangles[t].map(|v| local(v as usize));
+            let p = target.mesh.triangle_positions(t);
+            let square = [0, 1, 2].map(|k| p[(k + 1) % 3].distance_squared(p[(k + 2) % 3]));
+            // What is mirrored is right the other way round.
+            let order = if way.mirrored { [0, 2, 1] } else { [0, 1, 2] };
+            let corners = [a?, b?, c?];
+            triangles.push(order.map(|k| corners[k]));
+            sides.push(order.map(|k| square[k]));
         }
-        let free: Vec<u32> = patch.iter().filter_map(|&v| local.get(&(v as u32)).copied()).collect();
-        let from = points.clone();
+        let free: Vec<u32> = patch.iter().map(|&v| local(v)).collect::<Option<_>>()?;
         let planar = Patch { triangles: &triangles, sides: &sides, free: &free };
-        let mut done = round != 1 && planar.untangle(&mut points);
+        let mut points = from.clone();
+        let mut done = !way.average && planar.untangle(&mut points);
         if !done {
             points.clone_from(&from);
             planar.average(&mut points);
             done = planar.untangle(&mut points);
         }
-        if round < 2 && !done {
-            if std::env::var("SAY").is_ok() { println!("notdone patch {} of {}", patch.len(), around.len()); }
-            return false;
+        if way.flat && !done {
+            return None;
         }
         let near = Cell::new(0);
         let lift = |q: DVec2| {
-            let mut t = near.get();
-            let p = chart.lift(q, &mut t)?;
+            let (p, t) = chart.lift(q, near.get())?;
             near.set(t);
             Some(p)
         };
-        let mesh = source.mesh;
         let on_surface = Lifted {
             triangles: &triangles,
             free: &free,
-            flat: round < 2,
-            sign: if mirrored { -1.0 } else { 1.0 },
-            lift: |q| lift(q).map(|p| (p.position(mesh), normal_at(mesh, normals, &p))),
+            flat: way.flat,
+            sign: if way.mirrored { -1.0 } else { 1.0 },
+            lift: |q| lift(q).map(|p| self.image(&p, normals)),
         };
         on_surface.set_upright(&mut points);
         on_surface.give_back(&mut points, &from);
-        if std::env::var("SAY").is_ok() {
-            println!("patch {} triangles {} done {done}", patch.len(), around.len());
-        }
-        for &v in &free {
-            let Some(p) = lift(points[v as usize]) else { continue };
-            let c = Closest { face: p.face, x: p.barycentric, distance_squared: 0.0 };
-            let v = vertices[v as usize];
-            self.z[v] = self.closest.point(&c);
-            self.starts[v] = self.closest.vertex(&c);
-        }
-        true
+        free.iter().map(|&v| lift(points[v as usize])).collect()
     }
 }
 

@@ -1,6 +1,6 @@
 //! A piece of a surface flattened into the plane without folds (Tutte 1963; Floater 1997).
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use glam::{DVec2, DVec3};
 
@@ -11,6 +11,8 @@ const MARGIN: usize = 2;
 const WIDEST: usize = 5;
 /// Rings at most, until all wanted ones hang together.
 const REACH: usize = 8;
+/// Barycentric coordinates down to minus this lie inside.
+const ROUNDING: f64 = 1e-12;
 /// Triangles that a walk crosses at most.
 const WALK: usize = 200;
 /// Triangles at most.
@@ -77,15 +79,14 @@ impl Chart {
         [(c - b).perp_dot(q - b), (a - c).perp_dot(q - c), (b - a).perp_dot(q - a)].map(|x| x / double)
     }
 
-    /// The surface point at a place; `None` outside. Walks from the triangle `near` of the chart, which becomes the one found.
-    pub(super) fn lift(&self, q: DVec2, near: &mut usize) -> Option<SurfacePoint> {
-        let least = |x: [f64; 3]| x[0].min(x[1]).min(x[2]);
-        let mut t = *near;
+    /// The surface point at a place, and its triangle in the chart; `None` outside. Walks there from the triangle `start` of the chart.
+    pub(super) fn lift(&self, q: DVec2, start: usize) -> Option<(SurfacePoint, usize)> {
+        let inside = |x: [f64; 3]| x.iter().all(|x| *x >= -ROUNDING);
+        let mut t = start;
         for _ in 0..WALK {
             let x = self.within(t, q);
-            if least(x) >= 0.0 {
-                *near = t;
-                return Some(self.point(t, x));
+            if inside(x) {
+                return Some((self.point(t, x), t));
             }
             let k = (0..3).fold(0, |k, i| if x[i] < x[k] { i } else { k });
             if self.neighbours[t][k] == NONE {
@@ -94,9 +95,8 @@ impl Chart {
             t = self.neighbours[t][k] as usize;
         }
         // A walk may end at a hole.
-        let x = (0..self.faces.len()).map(|t| (t, self.within(t, q))).find(|(_, x)| least(*x) >= -1e-12)?;
-        *near = x.0;
-        Some(self.point(x.0, x.1))
+        let (t, x) = (0..self.faces.len()).map(|t| (t, self.within(t, q))).find(|(_, x)| inside(*x))?;
+        Some((self.point(t, x), t))
     }
 
     fn point(&self, t: usize, x: [f64; 3]) -> SurfacePoint {
@@ -108,18 +108,17 @@ impl Chart {
 
 /// The wanted triangles, rings around them until they hang together, and a margin; rising.
 fn region(topology: &Topology, wanted: &[u32], widest: usize) -> Option<Vec<u32>> {
-    let mut inside: HashMap<u32, ()> = HashMap::new();
     let mut faces: Vec<u32> = wanted.to_vec();
     faces.sort_unstable();
     faces.dedup();
-    faces.iter().for_each(|&f| drop(inside.insert(f, ())));
+    let mut inside: HashSet<u32> = faces.iter().copied().collect();
     let mut margin = 0;
     for _ in 0..REACH + widest {
         let mut next: Vec<u32> = Vec::new();
         for &f in &faces {
             for v in topology.triangles[f as usize] {
                 for &g in topology.vertex_triangles(v) {
-                    if inside.insert(g, ()).is_none() {
+                    if inside.insert(g) {
                         next.push(g);
                     }
                 }
@@ -143,13 +142,13 @@ fn region(topology: &Topology, wanted: &[u32], widest: usize) -> Option<Vec<u32>
     Some(faces)
 }
 
-fn connected(topology: &Topology, faces: &[u32], inside: &HashMap<u32, ()>) -> bool {
+fn connected(topology: &Topology, faces: &[u32], inside: &HashSet<u32>) -> bool {
     let Some(&first) = faces.first() else { return false };
-    let mut seen: HashMap<u32, ()> = HashMap::from([(first, ())]);
+    let mut seen: HashSet<u32> = HashSet::from([first]);
     let mut stack = vec![first];
     while let Some(f) = stack.pop() {
         for g in topology.neighbours[f as usize] {
-            if g != NONE && inside.contains_key(&g) && seen.insert(g, ()).is_none() {
+            if g != NONE && inside.contains(&g) && seen.insert(g) {
                 stack.push(g);
             }
         }
@@ -159,10 +158,10 @@ fn connected(topology: &Topology, faces: &[u32], inside: &HashMap<u32, ()>) -> b
 
 /// The longest of the loops around the triangles, in order; `None` where loops touch.
 fn rim(corners: &[[u32; 3]]) -> Option<Vec<u32>> {
-    let mut edges: HashMap<(u32, u32), ()> = HashMap::new();
+    let mut edges: HashSet<(u32, u32)> = HashSet::new();
     for t in corners {
         for k in 0..3 {
-            if edges.insert((t[k], t[(k + 1) % 3]), ()).is_some() {
+            if !edges.insert((t[k], t[(k + 1) % 3])) {
                 return None;
             }
         }
@@ -172,7 +171,7 @@ fn rim(corners: &[[u32; 3]]) -> Option<Vec<u32>> {
     for t in corners {
         for k in 0..3 {
             let (a, b) = (t[k], t[(k + 1) % 3]);
-            if !edges.contains_key(&(b, a)) {
+            if !edges.contains(&(b, a)) {
                 if next.insert(a, b).is_some() {
                     return None;
                 }
@@ -224,9 +223,8 @@ fn flatten(place: &[DVec3], corners: &[[u32; 3]], rim: &[u32]) -> Option<Vec<DVe
         walked += length(k).max(1e-3 * around / rim.len() as f64);
     }
     let diagonal: Vec<f64> = weights.iter().map(|w| w.iter().map(|w| w.1).sum()).collect();
-    let apply = |x: &[DVec2], v: usize| {
-        x[v] * diagonal[v] - weights[v].iter().map(|&(w, c)| x[w as usize] * c).sum::<DVec2>()
-    };
+    let apply =
+        |x: &[DVec2], v: usize| x[v] * diagonal[v] - weights[v].iter().map(|&(w, c)| x[w as usize] * c).sum::<DVec2>();
     let free: Vec<usize> = (0..n).filter(|&v| !fixed[v]).collect();
     let mut residual = vec![DVec2::ZERO; n];
     let mut direction = vec![DVec2::ZERO; n];

@@ -62,7 +62,6 @@ impl Patch<'_> {
         let area: f64 = 0.5 * self.triangles.iter().map(|&t| doubled(points, t)).sum::<f64>();
         let own: f64 = self.sides.iter().filter_map(|&s| shape(s, 1.0)).map(|s| s.area).sum();
         if !(area > 0.0 && own > 0.0 && area.is_finite()) {
-            if std::env::var("SAY").is_ok() { println!("rim {area} {own}"); }
             return false;
         }
         let scale = (area / own).sqrt();
@@ -73,7 +72,12 @@ impl Patch<'_> {
         }
         let mut smoothing = 0;
         for _ in 0..SWEEPS {
-            let least = self.triangles.iter().zip(&shapes).filter_map(|(&t, s)| Some(0.5 * doubled(points, t) / s.as_ref()?.area)).fold(f64::INFINITY, f64::min);
+            let least = self
+                .triangles
+                .iter()
+                .zip(&shapes)
+                .filter_map(|(&t, s)| Some(0.5 * doubled(points, t) / s.as_ref()?.area))
+                .fold(f64::INFINITY, f64::min);
             if least > 0.0 {
                 smoothing += 1;
                 if smoothing > SMOOTHING {
@@ -85,9 +89,7 @@ impl Patch<'_> {
                 self.move_vertex(v, &fans[v as usize], &shapes, eps, points);
             }
         }
-        let ok = self.triangles.iter().all(|&t| doubled(points, t) > 0.0);
-        if !ok && std::env::var("SAY").is_ok() { println!("left {} of {}", self.triangles.iter().filter(|&&t| !(doubled(points, t) > 0.0)).count(), self.triangles.len()); }
-        ok
+        self.triangles.iter().all(|&t| doubled(points, t) > 0.0)
     }
 
     /// Free points at the averages of their neighbours (Tutte), to begin elsewhere.
@@ -118,7 +120,8 @@ impl Patch<'_> {
             let g = s.gradients[k];
             // Derivatives of the squared norm and of the determinant; the second one of the former is 2 |g|^2.
             let norm = 2.0 * (m.columns[0] * g.x + m.columns[1] * g.y);
-            let turn = DVec2::new(g.x * m.columns[1].y - g.y * m.columns[1 - 1].y, g.y * m.columns[0].x - g.x * m.columns[1].x);
+            let turn =
+                DVec2::new(g.x * m.columns[1].y - g.y * m.columns[0].y, g.y * m.columns[0].x - g.x * m.columns[1].x);
             let top = 0.5 * (m.norm + m.determinant * m.determinant + 1.0);
             let dtop = 0.5 * norm + m.determinant * turn;
             energy += s.area * top / m.chi;
@@ -136,11 +139,14 @@ impl Patch<'_> {
         let mut step = DVec2::new(xy * gradient.y - yy * gradient.x, xy * gradient.x - xx * gradient.y) / determinant;
         for _ in 0..HALVINGS {
             points[v as usize] = start + step;
-            let now: f64 = fan.iter().map(|&i| {
-                let Some(s) = &shapes[i] else { return 0.0 };
-                let m = Measured::new(self.triangles[i].map(|w| points[w as usize]), s, eps);
-                s.area * 0.5 * (m.norm + m.determinant * m.determinant + 1.0) / m.chi
-            }).sum();
+            let now: f64 = fan
+                .iter()
+                .map(|&i| {
+                    let Some(s) = &shapes[i] else { return 0.0 };
+                    let m = Measured::new(self.triangles[i].map(|w| points[w as usize]), s, eps);
+                    s.area * 0.5 * (m.norm + m.determinant * m.determinant + 1.0) / m.chi
+                })
+                .sum();
             if now < energy {
                 return;
             }

@@ -64,7 +64,9 @@ impl<F: Fn(DVec2) -> Option<Image>> Lifted<'_, F> {
         for _ in 0..RETURNS {
             for &v in self.free {
                 let v = v as usize;
-                let around = |points: &[DVec2], images: &[Image]| fans[v].iter().map(|&i| self.penalty(i, points, images)).sum::<f64>();
+                let around = |points: &[DVec2], images: &[Image]| {
+                    fans[v].iter().map(|&i| self.penalty(i, points, images)).sum::<f64>()
+                };
                 let limit = around(points, &images);
                 let (here, image) = (points[v], images[v]);
                 for part in PARTS {
@@ -88,8 +90,12 @@ impl<F: Fn(DVec2) -> Option<Image>> Lifted<'_, F> {
         self.free.iter().for_each(|&v| may_move[v as usize] = true);
         // Points that a triangle of the fan of one of `of` has.
         let near = |of: &[u32]| {
-            let mut near: Vec<u32> =
-                of.iter().flat_map(|&v| &fans[v as usize]).flat_map(|&i| self.triangles[i]).filter(|&v| may_move[v as usize]).collect();
+            let mut near: Vec<u32> = of
+                .iter()
+                .flat_map(|&v| &fans[v as usize])
+                .flat_map(|&i| self.triangles[i])
+                .filter(|&v| may_move[v as usize])
+                .collect();
             near.sort_unstable();
             near.dedup();
             near
@@ -112,7 +118,16 @@ impl<F: Fn(DVec2) -> Option<Image>> Lifted<'_, F> {
                     continue;
                 }
                 let [a, b, c] = self.triangles[i];
-                let together = [vec![a, b], vec![b, c], vec![c, a], vec![a, b, c], near(&[a]), near(&[b]), near(&[c]), near(&[a, b, c])];
+                let together = [
+                    vec![a, b],
+                    vec![b, c],
+                    vec![c, a],
+                    vec![a, b, c],
+                    near(&[a]),
+                    near(&[b]),
+                    near(&[c]),
+                    near(&[a, b, c]),
+                ];
                 for mut group in together {
                     group.retain(|&v| may_move[v as usize]);
                     if group.len() > 1 {
@@ -127,17 +142,26 @@ impl<F: Fn(DVec2) -> Option<Image>> Lifted<'_, F> {
     }
 
     /// The best of some shifts of a few points, if one lowers the penalties of the triangles around them.
-    fn move_together(&self, group: &[u32], fans: &[Vec<usize>], sweep: usize, points: &mut [DVec2], images: &mut [Image]) -> bool {
+    fn move_together(
+        &self,
+        group: &[u32],
+        fans: &[Vec<usize>],
+        sweep: usize,
+        points: &mut [DVec2],
+        images: &mut [Image],
+    ) -> bool {
         let mut fan: Vec<usize> = group.iter().flat_map(|&v| fans[v as usize].iter().copied()).collect();
         fan.sort_unstable();
         fan.dedup();
-        let around = |points: &[DVec2], images: &[Image]| fan.iter().map(|&i| self.penalty(i, points, images)).sum::<f64>();
+        let around =
+            |points: &[DVec2], images: &[Image]| fan.iter().map(|&i| self.penalty(i, points, images)).sum::<f64>();
         let mut least = around(points, images);
         if least == 0.0 {
             return false;
         }
         let sides = fan.iter().flat_map(|&i| [0, 1, 2].map(|k| (self.triangles[i][k], self.triangles[i][(k + 1) % 3])));
-        let reach = sides.map(|(a, b)| points[a as usize].distance(points[b as usize])).sum::<f64>() / (3 * fan.len()) as f64;
+        let reach =
+            sides.map(|(a, b)| points[a as usize].distance(points[b as usize])).sum::<f64>() / (3 * fan.len()) as f64;
         let from: Vec<(DVec2, Image)> = group.iter().map(|&v| (points[v as usize], images[v as usize])).collect();
         let mut best = from.clone();
         for step in STEPS {
@@ -145,7 +169,11 @@ impl<F: Fn(DVec2) -> Option<Image>> Lifted<'_, F> {
                 // Other directions in the next sweep.
                 let angle = (k as f64 + 0.382 * sweep as f64) * std::f64::consts::TAU / DIRECTIONS as f64;
                 let shift = DVec2::from_angle(angle) * (step * reach);
-                let Some(there) = from.iter().map(|f| Some((f.0 + shift, (self.lift)(f.0 + shift)?))).collect::<Option<Vec<_>>>() else { continue };
+                let Some(there) =
+                    from.iter().map(|f| Some((f.0 + shift, (self.lift)(f.0 + shift)?))).collect::<Option<Vec<_>>>()
+                else {
+                    continue;
+                };
                 set(group, &there, points, images);
                 let now = around(points, images);
                 if now < least - 1e-9 {
