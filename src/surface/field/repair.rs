@@ -97,7 +97,10 @@ impl<S: Real, const K: usize> Images<'_, S, K> {
             let mut touched = Vec::new();
             for patch in self.patches(&left, rings, held) {
                 let around = self.triangles_of(&patch);
-                let count = |seen: &[Seen]| around.iter().filter(|&&t| bad(seen, t)).count();
+                // What a start changes may reach the other corners, and the triangles around these.
+                let corners = self.corners_of(&around);
+                let reached = self.triangles_of(&corners);
+                let count = |seen: &[Seen]| reached.iter().filter(|&&t| bad(seen, t)).count();
                 let was = count(&seen);
                 if was == 0 || around.len() > work {
                     continue;
@@ -108,15 +111,13 @@ impl<S: Real, const K: usize> Images<'_, S, K> {
                 let new: Vec<_> =
                     images.iter().map(replace).map(|c| (self.closest.point(&c), self.closest.vertex(&c))).collect();
                 let kept = self.exchange(&patch, new);
-                // What a start changes may reach the other corners.
-                let corners = self.corners_of(&around);
                 let seen_before: Vec<Seen> = corners.iter().map(|&v| seen[v]).collect();
                 for &v in &corners {
                     seen[v] = self.start(v).and_then(|start| self.see(v, start, &normals));
                 }
                 if count(&seen) < was {
                     // Not only those that were turned before.
-                    touched.extend(around);
+                    touched.extend(reached);
                 } else {
                     self.exchange(&patch, kept);
                     corners.iter().zip(seen_before).for_each(|(&v, image)| seen[v] = image);
@@ -169,6 +170,14 @@ impl<S: Real, const K: usize> Images<'_, S, K> {
             }
         };
         Some((self.image(&p, normals), p))
+    }
+
+    /// The image of a point of the source itself: where its surface is creased sharply, the projection of a point need not be that point.
+    fn projected(&self, p: &SurfacePoint, normals: &[DVec3]) -> Option<Image> {
+        let c = Closest { face: p.face, x: p.barycentric, distance_squared: 0.0 };
+        let image = self.source.project_near(&cast(&self.closest.point(&c)), p.face, &[self.closest.vertex(&c); 3]);
+        let there = SurfacePoint::new(image.face, image.x.map(|x| x.to_f64()));
+        (image.face != NONE).then(|| self.image(&there, normals))
     }
 
     fn image(&self, p: &SurfacePoint, normals: &[DVec3]) -> Image {
@@ -289,8 +298,7 @@ impl<S: Real, const K: usize> Images<'_, S, K> {
             triangles: &triangles,
             free: &free,
             flat: way.flat,
-            sign: if way.mirrored { -1.0 } else { 1.0 },
-            lift: |q| lift(q).map(|p| self.image(&p, normals)),
+            lift: |q| lift(q).and_then(|p| self.projected(&p, normals)),
         };
         on_surface.set_upright(&mut points);
         on_surface.give_back(&mut points, &from);
@@ -303,4 +311,87 @@ fn turned(seen: &[Seen], t: [u32; 3]) -> bool {
     let [Some(a), Some(b), Some(c)] = t.map(|v| seen[v as usize]) else { return false };
     let (n, m) = facing([a.0, b.0, c.0]);
     n.dot(m) < 0.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Topology;
+    use crate::models::shapes::lobed_sphere;
+    use crate::surface::NearestVertex;
+    use crate::surface::correspondence::Shape;
+
+    /// Repairs the identity of a closed surface, some images pushed along it by `push`; gives what the repair says and how far images are from where they belong, in edges.
+    fn repaired(mirror: bool, push: &[(usize, f64)], held: &[usize]) -> (Repaired, Vec<f64>) {
+        let source = lobed_sphere(3, 0.3);
+        let mut target = source.clone();
+        if mirror {
+            target.positions.iter_mut().for_each(|p| p.x = -p.x);
+        }
+        let (st, tt) = (Topology::new(&source), Topology::new(&target));
+        let shapes = Shapes::new(
+            Shape { mesh: &source, topology: &st, embedding: None },
+            Shape { mesh: &target, topology: &tt, embedding: None },
+        )
+        .unwrap();
+        let rows: Vec<f64> = source.positions.iter().flat_map(|p| [p.x, p.y, p.z, 0.0]).collect();
+        let reference = PhongSurface::<f64, 4>::new(&st, &rows).unwrap();
+        let vertices = NearestVertex::new(&reference);
+        let closest = ClosestOnSurface::new(&reference, &vertices);
+        let right: Vec<Vector<f64, 4>> = reference.vertices.iter().map(|v| v.y).collect();
+        let mut z = right.clone();
+        for &(v, part) in push {
+            // Beyond a neighbour.
+            let w = reference.ring(v as u32)[0] as usize;
+            let beyond: Vector<f64, 4> = std::array::from_fn(|k| z[v][k] + part * (right[w][k] - right[v][k]));
+            z[v] = closest.point(&closest.find(&beyond).unwrap());
+        }
+        let mut starts: Vec<u32> = z.iter().map(|z| closest.vertex(&closest.find(z).unwrap())).collect();
+        let faces: Vec<u32> =
+            tt.triangles.iter().map(|&t| closest.find(&middle(&z, t)).map_or(NONE, |c| c.face)).collect();
+        let mut stays = vec![false; z.len()];
+        held.iter().for_each(|&v| stays[v] = true);
+        let report = Images {
+            shapes: &shapes,
+            source: &reference,
+            closest: &closest,
+            z: &mut z,
+            starts: &mut starts,
+            start_faces: &faces,
+        }
+        .repair(&stays);
+        let off = |(a, b): (&Vector<f64, 4>, &Vector<f64, 4>)| crate::surface::vector::distance_squared(a, b).sqrt();
+        (report, z.iter().zip(&right).map(off).collect())
+    }
+
+    #[test]
+    fn turned_triangles_are_turned_back_and_nothing_else_moves() {
+        for mirror in [false, true] {
+            let push = [(40, 2.5), (41, 3.0), (200, 1.8), (300, -2.2)];
+            let (report, off) = repaired(mirror, &push, &[]);
+            assert!(report.before >= 8 && report.left.is_empty(), "{mirror} {report:?}");
+            assert!(off.iter().all(|d| *d < 2.0), "{off:?}");
+            assert!(off.iter().filter(|d| **d > 0.0).count() < 80);
+            let (report, off) = repaired(mirror, &[], &[]);
+            assert!(report.before == 0 && report.left.is_empty() && off.iter().all(|d| *d == 0.0));
+        }
+    }
+
+    #[test]
+    fn a_held_vertex_stays_though_others_must_give_way() {
+        let (report, off) = repaired(false, &[(200, 2.0)], &[200]);
+        let (_, pushed) = repaired(false, &[(200, 2.0)], &(0..642).collect::<Vec<_>>());
+        assert!(report.before > 0 && report.left.is_empty(), "{report:?}");
+        assert_eq!(off[200], pushed[200]);
+        assert!(pushed[200] > 1.0 && off.iter().filter(|d| **d > 0.0).count() > 1);
+    }
+
+    #[test]
+    fn a_map_turned_over_everywhere_is_left_alone() {
+        let push: Vec<(usize, f64)> = (0..642).map(|v| (v, if v % 2 == 0 { 3.0 } else { -3.0 })).collect();
+        let (report, off) = repaired(false, &push, &[]);
+        let (_, pushed) = repaired(false, &push, &(0..642).collect::<Vec<_>>());
+        assert!(report.before > 128 && report.left.len() == report.before);
+        assert_eq!(off, pushed);
+    }
 }

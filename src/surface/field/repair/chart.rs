@@ -8,6 +8,7 @@ use crate::geometry::{NONE, SurfacePoint, Topology};
 
 /// Rings of triangles around the wanted ones: what is near the rim of a chart is squeezed.
 const MARGIN: usize = 2;
+/// The same where the rim of fewer touches itself.
 const WIDEST: usize = 5;
 /// Rings at most, until all wanted ones hang together.
 const REACH: usize = 8;
@@ -34,7 +35,6 @@ pub(super) struct Chart {
 impl Chart {
     /// Flattens the surroundings of some triangles; `None` where these are no disk or too large.
     pub(super) fn new(positions: &[DVec3], topology: &Topology, wanted: &[u32]) -> Option<Self> {
-        // A rim that touches itself may not do so farther out.
         (MARGIN..=WIDEST).find_map(|margin| Self::within_rings(positions, topology, region(topology, wanted, margin)?))
     }
 
@@ -255,4 +255,48 @@ fn flatten(place: &[DVec3], corners: &[[u32; 3]], rim: &[u32]) -> Option<Vec<DVe
         size = now;
     }
     Some(points)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::models::shapes::{Diagonal, lobed_sphere, plane_grid};
+
+    #[test]
+    fn places_and_points_correspond() {
+        let mesh = lobed_sphere(3, 0.3);
+        let topology = Topology::new(&mesh);
+        let chart = Chart::new(&mesh.positions, &topology, &[3, 7]).unwrap();
+        assert!(chart.faces.contains(&3) && chart.faces.contains(&7) && chart.faces.len() < 300);
+        for t in 0..chart.faces.len() {
+            let p = SurfacePoint::new(chart.faces[t], [0.2, 0.5, 0.3]);
+            let (q, found) = chart.lift(chart.place(&p).unwrap(), 0).unwrap();
+            assert_eq!(found, t);
+            assert!(q.position(&mesh).distance(p.position(&mesh)) < 1e-9);
+        }
+        assert!(chart.lift(DVec2::new(2.0, 0.0), 0).is_none() && chart.lift(DVec2::NAN, 0).is_none());
+        let outside = (0..mesh.triangle_count() as u32).find(|f| !chart.faces.contains(f)).unwrap();
+        assert!(chart.place(&SurfacePoint::new(outside, [1.0, 0.0, 0.0])).is_none());
+    }
+
+    #[test]
+    fn what_is_no_disk_has_no_chart() {
+        // All of a closed surface, nothing, and two triangles that never come together.
+        let mesh = lobed_sphere(1, 0.1);
+        let topology = Topology::new(&mesh);
+        let all: Vec<u32> = (0..mesh.triangle_count() as u32).collect();
+        assert!(Chart::new(&mesh.positions, &topology, &all).is_none());
+        assert!(Chart::new(&mesh.positions, &topology, &[]).is_none());
+        let plane = plane_grid(60, 60, 1.0, 1.0, Diagonal::Forward);
+        let topology = Topology::new(&plane);
+        let last = plane.triangle_count() as u32 - 1;
+        assert!(Chart::new(&plane.positions, &topology, &[0, last]).is_none());
+        // A grid with a hole has one: the rim is the longer loop.
+        let holed: Vec<[u32; 3]> = plane_grid(6, 6, 1.0, 1.0, Diagonal::Forward).triangles();
+        let positions = plane_grid(6, 6, 1.0, 1.0, Diagonal::Forward).positions;
+        let usable: Vec<bool> = (0..holed.len()).map(|t| t != 30).collect();
+        let topology = Topology::from_triangles(positions.len(), holed, usable);
+        let chart = Chart::new(&positions, &topology, &[29]).unwrap();
+        assert!(!chart.faces.contains(&30));
+    }
 }

@@ -178,3 +178,85 @@ impl Measured {
         Self { columns, norm, determinant, chi, slope: chi / root }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::models::shapes::{Diagonal, Random, plane_grid};
+
+    /// A square of 8 by 8 cells: triangles, sides, points, and the points inside.
+    fn grid() -> (Vec<[u32; 3]>, Vec<[f64; 3]>, Vec<DVec2>, Vec<u32>) {
+        let mesh = plane_grid(8, 8, 1.0, 1.0, Diagonal::Forward);
+        let centre = mesh.positions.iter().copied().sum::<glam::DVec3>() / mesh.vertex_count() as f64;
+        let triangles = mesh.triangles();
+        let first = mesh.triangle_area_normal(0).normalize();
+        let across = (mesh.positions[1] - mesh.positions[0]).normalize();
+        let up = first.cross(across);
+        let points: Vec<DVec2> =
+            mesh.positions.iter().map(|&p| DVec2::new((p - centre).dot(across), (p - centre).dot(up))).collect();
+        let sides = triangles
+            .iter()
+            .map(|t| {
+                [0, 1, 2].map(|k| points[t[(k + 1) % 3] as usize].distance_squared(points[t[(k + 2) % 3] as usize]))
+            })
+            .collect();
+        let inside = |p: &DVec2| p.abs().max_element() < 0.49;
+        let free = (0..points.len() as u32).filter(|&v| inside(&points[v as usize])).collect();
+        (triangles, sides, points, free)
+    }
+
+    fn turned(triangles: &[[u32; 3]], p: &[DVec2]) -> usize {
+        let up = |t: &&[u32; 3]| {
+            let [a, b, c] = t.map(|v| p[v as usize]);
+            (b - a).perp_dot(c - a) > 0.0
+        };
+        triangles.len() - triangles.iter().filter(up).count()
+    }
+
+    #[test]
+    fn a_scrambled_grid_is_untangled_and_its_rim_stays() {
+        let (triangles, sides, right, free) = grid();
+        let mut random = Random::new(3);
+        for _ in 0..5 {
+            let mut points = right.clone();
+            free.iter().for_each(|&v| points[v as usize] += 0.3 * DVec2::new(random.signed(), random.signed()));
+            assert!(turned(&triangles, &points) > 20);
+            let patch = Patch { triangles: &triangles, sides: &sides, free: &free };
+            assert!(patch.untangle(&mut points));
+            assert_eq!(turned(&triangles, &points), 0);
+            for v in (0..points.len()).filter(|v| !free.contains(&(*v as u32))) {
+                assert_eq!(points[v], right[v]);
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_right_in_shape_stays() {
+        let (triangles, sides, right, free) = grid();
+        let mut points = right.clone();
+        assert!(Patch { triangles: &triangles, sides: &sides, free: &free }.untangle(&mut points));
+        assert!(points.iter().zip(&right).all(|(a, b)| a.distance(*b) < 1e-6));
+    }
+
+    #[test]
+    fn a_rim_turned_over_is_refused() {
+        let (triangles, sides, right, free) = grid();
+        let mut points: Vec<DVec2> = right.iter().map(|p| DVec2::new(-p.x, p.y)).collect();
+        assert!(!Patch { triangles: &triangles, sides: &sides, free: &free }.untangle(&mut points));
+        // One fold of the rim is, too: no place inside makes the triangle at that corner right.
+        let mut points = right.clone();
+        let corner = (0..points.len()).find(|&v| points[v].abs().min_element() > 0.49).unwrap();
+        points[corner] = -points[corner];
+        assert!(!Patch { triangles: &triangles, sides: &sides, free: &free }.untangle(&mut points));
+    }
+
+    #[test]
+    fn triangles_without_shape_do_not_stop_it() {
+        let (mut triangles, mut sides, right, free) = grid();
+        triangles.push([0, 1, 1]);
+        sides.push([0.0, 1.0, 1.0]);
+        let mut points = right;
+        points[free[0] as usize] = DVec2::new(f64::NAN, 0.0);
+        assert!(!Patch { triangles: &triangles, sides: &sides, free: &free }.untangle(&mut points));
+    }
+}

@@ -7,7 +7,7 @@ const SWEEPS: usize = 12;
 /// Directions in which a point is tried.
 const DIRECTIONS: usize = 8;
 /// How far, in parts of the mean distance of its neighbours.
-const STEPS: [f64; 5] = [0.6, 0.3, 0.15, 0.07, 0.03];
+const STEPS: [f64; 6] = [1.5, 0.6, 0.3, 0.15, 0.07, 0.03];
 /// Sweeps in which points return, and how much of the way they try.
 const RETURNS: usize = 4;
 const PARTS: [f64; 4] = [1.0, 0.7, 0.4, 0.15];
@@ -24,9 +24,9 @@ pub(super) fn facing(images: [Image; 3]) -> (DVec3, DVec3) {
 }
 
 /// One triangle's part in what is to be lowered: how far it is from facing as the surface does, and much more where it faces against it, in space or in the chart.
-fn penalty(points: [DVec2; 3], images: [Image; 3], sign: f64, flat: bool) -> f64 {
+fn penalty(points: [DVec2; 3], images: [Image; 3], flat: bool) -> f64 {
     let (n, m) = facing(images);
-    let cosine = sign * n.normalize_or_zero().dot(m.normalize_or_zero());
+    let cosine = n.normalize_or_zero().dot(m.normalize_or_zero());
     let flat = flat && (points[1] - points[0]).perp_dot(points[2] - points[0]) <= 0.0;
     f64::from(u8::from(cosine <= 0.0)) + f64::from(u8::from(flat)) + (ENOUGH - cosine).max(0.0)
 }
@@ -37,8 +37,6 @@ pub(super) struct Lifted<'a, F: Fn(DVec2) -> Option<Image>> {
     pub(super) free: &'a [u32],
     /// Whether triangles must face up in the chart, too.
     pub(super) flat: bool,
-    /// -1 for a mirror image, whose triangles are given the other way round.
-    pub(super) sign: f64,
     /// The image of a place in the chart.
     pub(super) lift: F,
 }
@@ -54,7 +52,7 @@ impl<F: Fn(DVec2) -> Option<Image>> Lifted<'_, F> {
 
     fn penalty(&self, i: usize, points: &[DVec2], images: &[Image]) -> f64 {
         let t = self.triangles[i].map(|v| v as usize);
-        penalty(t.map(|v| points[v]), t.map(|v| images[v]), self.sign, self.flat)
+        penalty(t.map(|v| points[v]), t.map(|v| images[v]), self.flat)
     }
 
     /// Lets every free point return towards `from` as far as no penalty rises: what a patch need not lose it keeps.
@@ -189,5 +187,49 @@ impl<F: Fn(DVec2) -> Option<Image>> Lifted<'_, F> {
 fn set(group: &[u32], to: &[(DVec2, Image)], points: &mut [DVec2], images: &mut [Image]) {
     for (&v, &(p, image)) in group.iter().zip(to) {
         (points[v as usize], images[v as usize]) = (p, image);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A chart folded along the y axis: what is right of it goes down steeply.
+    fn roof(q: DVec2) -> Option<Image> {
+        let (down, n) = if q.x > 0.0 { (-3.0, DVec3::new(3.0, 0.0, 1.0)) } else { (0.0, DVec3::Z) };
+        Some((DVec3::new(q.x, q.y, down * q.x), n.normalize()))
+    }
+
+    #[test]
+    fn a_triangle_that_faces_as_its_surface_has_no_penalty() {
+        let points = [DVec2::ZERO, DVec2::X, DVec2::Y].map(|p| p - DVec2::new(3.0, 0.0));
+        let images = points.map(|p| roof(p).unwrap());
+        assert_eq!(penalty(points, images, true), 0.0);
+        let (points, images) = ([points[0], points[2], points[1]], [images[0], images[2], images[1]]);
+        assert!(penalty(points, images, true) > 2.0 && penalty(points, images, false) > 1.0);
+        assert!(penalty(points, images, false) < 2.0);
+    }
+
+    #[test]
+    fn a_turned_fan_is_set_upright_and_goes_back_no_farther_than_that() {
+        // A hexagon around a point that was pushed out of it.
+        let mut points: Vec<DVec2> =
+            (0..6).map(|k| DVec2::from_angle(f64::from(k) * std::f64::consts::FRAC_PI_3)).collect();
+        points.push(DVec2::new(1.3, 0.2));
+        let from = points.clone();
+        let triangles: Vec<[u32; 3]> = (0..6).map(|k| [k, (k + 1) % 6, 6]).collect();
+        let on = Lifted { triangles: &triangles, free: &[6], flat: true, lift: roof };
+        let all = |points: &[DVec2]| {
+            let images: Vec<Image> = points.iter().map(|&p| roof(p).unwrap()).collect();
+            (0..6).map(|i| on.penalty(i, points, &images)).sum::<f64>()
+        };
+        assert!(all(&points) > 1.0);
+        on.set_upright(&mut points);
+        assert_eq!(all(&points), 0.0);
+        assert_eq!(points[..6], from[..6]);
+        // From the middle it comes nearer to where it was, still right.
+        points[6] = DVec2::ZERO;
+        on.give_back(&mut points, &from);
+        assert!(all(&points) == 0.0 && points[6].distance(from[6]) < 1.0, "{:?}", points[6]);
     }
 }
