@@ -32,7 +32,7 @@ const RINGS: usize = 6;
 const WAYS: usize = 4;
 /// Triangles of patches that are worked on, all in all, over those of the target, and beside them.
 const WORK: [usize; 2] = [1, 20_000];
-/// A turned triangle more than this part of all, and the map is not one that can be repaired.
+/// A map that turns more than one triangle of so many is not one to be repaired.
 const HOPELESS: usize = 10;
 
 /// The images of a target's vertices, as they are repaired.
@@ -95,18 +95,24 @@ impl<S: Real, const K: usize> Images<'_, S, K> {
             }
             let way = Way { mirrored, average: way % 2 == 1, flat: way < 2 };
             let mut touched = Vec::new();
+            let mut tasks = Vec::new();
             for patch in self.patches(&left, rings, held) {
                 let around = self.triangles_of(&patch);
                 // What a start changes may reach the other corners, and the triangles around these.
                 let corners = self.corners_of(&around);
                 let reached = self.triangles_of(&corners);
+                if around.len() <= work && reached.iter().any(|&t| bad(&seen, t)) {
+                    work -= around.len();
+                    tasks.push((patch, around, corners, reached));
+                }
+            }
+            // Patches share no vertex and have no vertex of another one as a corner, so that they do not depend on each other.
+            let this = &*self;
+            let found: Vec<_> = tasks.par_iter().map(|t| this.untangled(&t.0, &t.1, &seen, &normals, way)).collect();
+            for ((patch, _, corners, reached), images) in tasks.into_iter().zip(found) {
+                let Some(images) = images else { continue };
                 let count = |seen: &[Seen]| reached.iter().filter(|&&t| bad(seen, t)).count();
                 let was = count(&seen);
-                if was == 0 || around.len() > work {
-                    continue;
-                }
-                work -= around.len();
-                let Some(images) = self.untangled(&patch, &around, &seen, &normals, way) else { continue };
                 let replace = |p: &SurfacePoint| Closest { face: p.face, x: p.barycentric, distance_squared: 0.0 };
                 let new: Vec<_> =
                     images.iter().map(replace).map(|c| (self.closest.point(&c), self.closest.vertex(&c))).collect();
