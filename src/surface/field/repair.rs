@@ -30,8 +30,8 @@ use crate::surface::vector::{Vector, cast};
 const RINGS: usize = 6;
 /// Ways to begin, one after the other with all rings: at the present images or (1) at averages; the triangles right in the chart as well as on the surface, or (2, 3) on the surface alone.
 const WAYS: usize = 4;
-/// Triangles of patches that are worked on, all in all, over those of the target, and beside them.
-const WORK: [usize; 2] = [1, 20_000];
+/// Triangles of patches that are worked on at most, all in all, beside a quarter of the target's: a second.
+const WORK: usize = 50_000;
 /// A map that turns more than one triangle of so many is not one to be repaired.
 const HOPELESS: usize = 10;
 
@@ -88,7 +88,7 @@ impl<S: Real, const K: usize> Images<'_, S, K> {
         let bad = |seen: &[Seen], t: usize| usable[t] && over(seen, t) != mirrored;
         let mut left: Vec<usize> = all.iter().copied().filter(|&t| bad(&seen, t)).collect();
         let before = left.len();
-        let mut work = WORK[0] * all.len() + WORK[1];
+        let mut work = all.len() / 4 + WORK;
         for (way, rings) in (0..WAYS).flat_map(|way| (0..=RINGS).map(move |rings| (way, rings))) {
             if left.is_empty() || HOPELESS * left.len() > all.len() {
                 break;
