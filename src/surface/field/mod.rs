@@ -272,6 +272,7 @@ impl<S: Real, const K: usize> Field<S, K> {
         };
         let mut start_faces = faces(&z, &starts);
         let mut turned = Repaired::default();
+        let projected: PhongSurface<S, K> = reference.cast();
         if relaxed {
             let mut held = vec![false; z.len()];
             for p in &anchors.target {
@@ -280,14 +281,14 @@ impl<S: Real, const K: usize> Field<S, K> {
             }
             let (z, starts) = (&mut z[..], &mut starts[..]);
             let start_faces = &start_faces;
-            turned = Images { shapes, reference: &reference, closest: &closest, z, starts, start_faces }.repair(&held);
+            turned = Images { shapes, source: &projected, closest: &closest, z, starts, start_faces }.repair(&held);
         }
         if turned.before > turned.left.len() {
             start_faces = faces(&z, &starts);
         }
         let unit = reference.edge;
         Ok(Self {
-            source: reference.cast(),
+            source: projected,
             reference,
             vertices,
             triangles,
