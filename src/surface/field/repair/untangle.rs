@@ -184,8 +184,11 @@ mod tests {
     use super::*;
     use crate::models::shapes::{Diagonal, Random, plane_grid};
 
-    /// A square of 8 by 8 cells: triangles, sides, points, and the points inside.
-    fn grid() -> (Vec<[u32; 3]>, Vec<[f64; 3]>, Vec<DVec2>, Vec<u32>) {
+    /// Triangles, sides, points, and the points inside.
+    type Grid = (Vec<[u32; 3]>, Vec<[f64; 3]>, Vec<DVec2>, Vec<u32>);
+
+    /// A square of 8 by 8 cells.
+    fn grid() -> Grid {
         let mesh = plane_grid(8, 8, 1.0, 1.0, Diagonal::Forward);
         let centre = mesh.positions.iter().copied().sum::<glam::DVec3>() / mesh.vertex_count() as f64;
         let triangles = mesh.triangles();
