@@ -28,8 +28,8 @@ use crate::surface::vector::{Vector, cast};
 
 /// Rings around turned triangles that may move, at most.
 const RINGS: usize = 6;
-/// Ways to begin, one after the other with all rings: at the present images or (1) at averages; the triangles right in the chart as well as on the surface, or (2, 3) on the surface alone.
-const WAYS: usize = 4;
+/// Ways to begin, one after the other with all rings: at the present images or (1) at averages; the triangles right in the chart as well as on the surface, or (2, 3) on the surface alone; at last (4) without a change in the chart first.
+const WAYS: usize = 5;
 /// Triangles of patches that are worked on at most, all in all, beside a quarter of the target's: a second.
 const WORK: usize = 50_000;
 /// A map that turns more than one triangle of so many is not one to be repaired.
@@ -69,6 +69,8 @@ struct Way {
     average: bool,
     /// Whether triangles must be right in the chart.
     flat: bool,
+    /// Whether they are untangled there first.
+    planar: bool,
 }
 
 impl<S: Real, const K: usize> Images<'_, S, K> {
@@ -93,7 +95,7 @@ impl<S: Real, const K: usize> Images<'_, S, K> {
             if left.is_empty() || HOPELESS * left.len() > all.len() {
                 break;
             }
-            let way = Way { mirrored, average: way % 2 == 1, flat: way < 2 };
+            let way = Way { mirrored, average: way % 2 == 1, flat: way < 2, planar: way < 4 };
             let mut touched = Vec::new();
             let mut tasks = Vec::new();
             for patch in self.patches(&left, rings, held) {
@@ -285,7 +287,7 @@ impl<S: Real, const K: usize> Images<'_, S, K> {
         let free: Vec<u32> = patch.iter().map(|&v| local(v)).collect::<Option<_>>()?;
         let planar = Patch { triangles: &triangles, sides: &sides, free: &free };
         let mut points = from.clone();
-        let mut done = !way.average && planar.untangle(&mut points);
+        let mut done = !way.planar || (!way.average && planar.untangle(&mut points));
         if !done {
             points.clone_from(&from);
             planar.average(&mut points);
