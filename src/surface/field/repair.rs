@@ -155,7 +155,7 @@ impl<S: Real, const K: usize> Images<'_, S, K> {
     /// Where the search for the image of a vertex starts, found anew.
     fn start(&self, v: usize) -> Option<u32> {
         let corners = self.shapes.target.topology.triangles[self.first(v)?];
-        let near = self.closest.near((&middle(self.z, corners), &FLAT), self.starts[corners[0] as usize]);
+        let near = self.closest.follow_from((&middle(self.z, corners), &FLAT), self.starts[corners[0] as usize]);
         Some(near.map_or(NONE, |c| c.face))
     }
 
