@@ -43,7 +43,7 @@ pub(super) struct Images<'a> {
 
 /// What [`Images::mend`] did.
 pub(super) struct Mended {
-    /// Bad triangles before.
+    /// Bad or folded triangles before.
     pub(super) before: usize,
     /// Those left.
     pub(super) left: Vec<u32>,
@@ -129,7 +129,7 @@ impl<'a> Images<'a> {
     /// to the patch's border, off the surface. A patch is kept where fewer of its triangles are bad; vertices of `fixed` stay.
     pub(super) fn mend(&mut self, fixed: &[bool]) -> Mended {
         let mut left = self.bad();
-        let before = left.len();
+        let before = self.bad_or_folded().len();
         let mut moved = BTreeSet::new();
         for rings in RINGS {
             for patch in self.patches(&left, rings, fixed) {
