@@ -54,6 +54,11 @@ fn anchors(source: &Surface, target: &Surface, count: usize) -> Result<AnchorPai
     Ok(AnchorPairs { source: on(source)?, target: on(target)? })
 }
 
+/// A vertex next to the one at `p`.
+fn beside(surface: &Surface, p: &SurfacePoint) -> Result<SurfacePoint> {
+    surface.vertex(surface.mesh.triangle(p.face as usize)[(p.dominant_corner() + 1) % 3])
+}
+
 fn edits(source: &Surface, target: &Surface, anchors: &AnchorPairs) -> Result<()> {
     let n = anchors.len();
     let prepare = best(ROUNDS, || {
@@ -74,9 +79,8 @@ fn edits(source: &Surface, target: &Surface, anchors: &AnchorPairs) -> Result<()
     let mut session = session?;
     row("session begun", begun, 1);
     // To the next vertex and back, on the source, on both.
-    let near = |s: &Surface, p: SurfacePoint| s.vertex(s.mesh.triangle(p.face as usize)[2]);
     let (s, t) = (anchors.source[n / 2], anchors.target[n / 2]);
-    let (s2, t2) = (near(source, s)?, near(target, t)?);
+    let (s2, t2) = (beside(source, &s)?, beside(target, &t)?);
     for (what, there) in [("dragged on the source", (s2, t)), ("dragged on both", (s2, t2))] {
         let mut away = false;
         let spent = best(2 * ROUNDS, || {
@@ -114,7 +118,7 @@ fn self_map(mesh: &Surface, count: usize) -> Result<()> {
     row(&format!("self-map, {count} anchors: whole texture, {SIDE} x {SIDE}"), whole, 1);
     let mut live = LiveTransfer::new(&mesh.mesh, &layers, &mesh.mesh, session.field(), &options)?;
     let start = points[count / 2];
-    let there = mesh.vertex(mesh.mesh.triangle(start.face as usize)[2])?;
+    let there = beside(mesh, &start)?;
     let mut away = false;
     let (mut recolored, mut all) = (0, 0);
     let spent = best(2 * ROUNDS, || {
