@@ -40,8 +40,6 @@ use crate::surface::{NearestVertex, PackedImage, PackedPoint, PhongSurface, Poin
 
 /// Bounds of lambda, where one of the two predictions is exact.
 const LAMBDA: [f64; 2] = [0.05, 20.0];
-/// Errors of left out anchors below this, at unit area, are rounding.
-const EXACT: f64 = 1e-6;
 /// A projection this many edges farther than 1.5 times the closest point is one onto another part of the surface.
 const GUARD: f64 = 0.5;
 /// Points handled by one task.
@@ -180,9 +178,7 @@ impl<S: Real, const K: usize> Field<S, K> {
         let (Some(embedded), Some(spatial)) = (known.embedded(), known.spatial()) else {
             return Err(Error::input("there are no anchors", "Give at least one pair, better twenty or more"));
         };
-        // What is exact but for rounding says nothing of the other.
-        let [y, x] = [embedded.error(), spatial.error()].map(|e| if e < EXACT { EXACT } else { e });
-        let ratio = y / x;
+        let ratio = embedded.error() / spatial.error();
         // Weights by errors would be their ratio; its square relies on the better one more than that, which is better on every kind of pair but the animals.
         let lambda = if ratio.is_finite() { (ratio * ratio).clamp(LAMBDA[0], LAMBDA[1]) } else { 1.0 };
         let image = |v: usize| {
