@@ -47,6 +47,7 @@ impl<const D: usize> NearestVertex<D> {
         let nearest = found.iter().map(|n| n.distance).fold(f64::INFINITY, f64::min);
         found.iter().filter(|n| n.distance <= nearest).map(|n| self.vertices[n.item as usize]).min().unwrap_or(NONE)
     }
+
     /// A nearest vertex, which of equally near ones is not told but always the same: less work than [`Self::find`]. [`NONE`] for a point that is not finite.
     pub(crate) fn find_one(&self, y: &Vector<f64, D>) -> u32 {
         if !y.iter().all(|x| x.is_finite()) || self.vertices.is_empty() {

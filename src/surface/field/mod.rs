@@ -179,7 +179,7 @@ impl<S: Real, const K: usize> Field<S, K> {
             return Err(Error::input("there are no anchors", "Give at least one pair, better twenty or more"));
         };
         let ratio = embedded.error() / spatial.error();
-        // Weights by errors would be their ratio; its square relies on the better one more than that, which is better on every kind of pair but the animals.
+        // Weights by errors would be their ratio; its square relies on the better one more than that, and maps are better for it (docs/methods.md).
         let lambda = if ratio.is_finite() { (ratio * ratio).clamp(LAMBDA[0], LAMBDA[1]) } else { 1.0 };
         let image = |v: usize| {
             let vertex = &from.surface.vertices[v];
@@ -267,8 +267,7 @@ impl<S: Real, const K: usize> Field<S, K> {
             })
             .collect();
         let faces = |z: &[Vector<f64, K>], starts: &[u32]| -> Vec<u32> {
-            let start = |t: &[u32; 3]| closest.follow_from((&middle(z, *t), &FLAT), starts[t[0] as usize]);
-            triangles.par_iter().map(|t| start(t).map_or(NONE, |c| c.face)).collect()
+            triangles.par_iter().map(|&t| start_face(&closest, z, starts, t)).collect()
         };
         let mut start_faces = faces(&z, &starts);
         let mut turned = Repaired::default();
@@ -322,9 +321,8 @@ impl<S: Real, const K: usize> Field<S, K> {
                 closest.follow_from((&z[v], &FLAT), starts[v]).map_or(NONE, |c| closest.vertex(&c))
             })
             .collect();
-        let start = |t: [u32; 3]| closest.follow_from((&middle(z, t), &FLAT), starts[t[0] as usize]);
-        let faces: Vec<u32> =
-            triangles.par_iter().map(|&t| start(self.triangles[t as usize]).map_or(NONE, |c| c.face)).collect();
+        let start = |&t: &u32| start_face(&closest, z, &starts, self.triangles[t as usize]);
+        let faces: Vec<u32> = triangles.par_iter().map(start).collect();
         triangles.iter().zip(faces).for_each(|(&t, face)| self.start_faces[t as usize] = face);
         self.z = z.iter().map(cast).collect();
         self.starts = starts;
@@ -417,6 +415,16 @@ fn framed<const K: usize>(surface: &PhongSurface<f64, K>, z: Vector<f64, K>) -> 
 /// The middle of a triangle.
 fn middle<const K: usize>(z: &[Vector<f64, K>], t: [u32; 3]) -> Vector<f64, K> {
     combine(&[1.0 / 3.0; 3], t.map(|v| &z[v as usize]))
+}
+
+/// The triangle of the source from which the images of a triangle's points are looked for. The repair must begin where the field does, or turns back other images than it projects.
+fn start_face<const K: usize>(
+    closest: &ClosestOnSurface<'_, K>,
+    z: &[Vector<f64, K>],
+    starts: &[u32],
+    t: [u32; 3],
+) -> u32 {
+    closest.follow_from((&middle(z, t), &FLAT), starts[t[0] as usize]).map_or(NONE, |c| c.face)
 }
 
 /// How much more anchors left out are made to count where there are few: four determine an affine map of space, and a mixture fits what so few say by chance.

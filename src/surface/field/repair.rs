@@ -16,9 +16,9 @@ use rayon::prelude::*;
 use self::chart::Chart;
 use self::untangle::Patch;
 use self::upright::{Image, Lifted, facing};
-use super::closest::{Closest, ClosestOnSurface, FLAT};
+use super::closest::{Closest, ClosestOnSurface};
 use super::pair::Shapes;
-use super::{GUARD, middle};
+use super::{GUARD, start_face};
 use crate::engine::Real;
 use crate::geometry::{NONE, SurfacePoint};
 use crate::surface::PhongSurface;
@@ -30,7 +30,7 @@ use crate::surface::vector::{Vector, cast};
 const RINGS: usize = 6;
 /// Ways to begin, one after the other with all rings: at the present images or (1) at averages; the triangles right in the chart as well as on the surface, or (2, 3) on the surface alone; at last (4) without a change in the chart first.
 const WAYS: usize = 5;
-/// Triangles of patches that are worked on at most, all in all, beside a quarter of the target's: a second.
+/// Triangles of patches that are worked on at most, all in all, beside a quarter of the target's: what bounds a repair.
 const WORK: usize = 50_000;
 /// A map that turns more than one triangle of so many is not one to be repaired.
 const HOPELESS: usize = 10;
@@ -155,8 +155,7 @@ impl<S: Real, const K: usize> Images<'_, S, K> {
     /// Where the search for the image of a vertex starts, found anew.
     fn start(&self, v: usize) -> Option<u32> {
         let corners = self.shapes.target.topology.triangles[self.first(v)?];
-        let near = self.closest.follow_from((&middle(self.z, corners), &FLAT), self.starts[corners[0] as usize]);
-        Some(near.map_or(NONE, |c| c.face))
+        Some(start_face(self.closest, self.z, self.starts, corners))
     }
 
     /// Where a vertex goes, the search starting from a triangle of the source.
@@ -323,6 +322,7 @@ fn turned(seen: &[Seen], t: [u32; 3]) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use super::super::middle;
     use super::*;
     use crate::geometry::Topology;
     use crate::models::shapes::lobed_sphere;
