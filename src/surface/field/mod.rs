@@ -6,6 +6,7 @@
 //! staying where they are. A point between vertices is interpolated and projected (Phong projection of Panozzo et al. 2013, in more dimensions): no pass over the anchors.
 
 pub(super) mod closest;
+mod judges;
 mod pair;
 mod predict;
 mod radial;
@@ -40,6 +41,8 @@ use crate::surface::{NearestVertex, PackedImage, PackedPoint, PhongSurface, Poin
 
 /// Bounds of lambda, where one of the two predictions is exact.
 const LAMBDA: [f64; 2] = [0.05, 20.0];
+/// Errors of anchors left out below this say no more than rounding, over the square root of the area.
+const EXACT: f64 = 1e-6;
 /// A projection this many edges farther than 1.5 times the closest point is one onto another part of the surface.
 const GUARD: f64 = 0.5;
 /// Points handled by one task.
@@ -175,10 +178,12 @@ impl<S: Real, const K: usize> Field<S, K> {
         const { assert!(K == D + 4) };
         let FieldPair { shapes, from, to } = pair;
         let known = pair.known(anchors);
-        let (Some(embedded), Some(spatial)) = (known.embedded(), known.spatial()) else {
+        let judges = known.judges();
+        let (embedded, spatial) = (known.embedded(judges.as_ref()), known.spatial(judges.as_ref()));
+        let (Some(embedded), Some(spatial)) = (embedded, spatial) else {
             return Err(Error::input("there are no anchors", "Give at least one pair, better twenty or more"));
         };
-        let ratio = embedded.error() / spatial.error();
+        let ratio = (embedded.error() + EXACT) / (spatial.error() + EXACT);
         // Weights by errors would be their ratio; its square relies on the better one more than that, and maps are better for it (docs/methods.md).
         let lambda = if ratio.is_finite() { (ratio * ratio).clamp(LAMBDA[0], LAMBDA[1]) } else { 1.0 };
         let image = |v: usize| {

@@ -101,7 +101,7 @@ impl<'a, const D: usize> FieldPair<'a, D> {
         Ok(Self { from: sides.0?, to: sides.1?, shapes: shapes? })
     }
 
-    /// The field through these anchors. `O(V n D^2)` for the prediction, three numerical factorisations and 20 rounds of closest points for the relaxation.
+    /// The field through these anchors. `O(V n D^2)` for the prediction, three numerical factorisations and 18 rounds of closest points for the relaxation.
     ///
     /// # Errors
     /// If there is no anchor, or the relaxation breaks down.

@@ -39,16 +39,29 @@ pub(super) struct Predictor<'a, const D: usize, const M: usize> {
     scale: Option<f64>,
     /// Predicted minus given, anchor by anchor.
     pub(super) left_out: Vec<[f64; M]>,
+    /// The same among the anchors that judge ([`Known::judges`]); empty where those are all.
+    judged: Vec<[f64; M]>,
+    /// Whether it mirrors, where that is a matter of choice.
+    mirrors: Option<bool>,
 }
 
-impl<const D: usize, const M: usize> Predictor<'_, D, M> {
+impl<'a, const D: usize, const M: usize> Predictor<'a, D, M> {
     pub(super) fn at(&self, point: &Point<D>) -> [f64; M] {
         (self.predict)(point, self.scale.unwrap_or(1.0))
     }
 
+    fn new(name: &'static str, left_out: Vec<[f64; M]>, predict: Prediction<'a, D, M>) -> Self {
+        Self { parts: vec![(name, 1.0)], predict, scale: None, left_out, judged: Vec::new(), mirrors: None }
+    }
+
+    /// What it is judged by.
+    fn misses(&self) -> &[[f64; M]] {
+        if self.judged.is_empty() { &self.left_out } else { &self.judged }
+    }
+
     /// Root mean square of the errors of left out anchors, the worst tenth passed over.
     pub(super) fn error(&self) -> f64 {
-        let mut squares: Vec<f64> = self.left_out.iter().map(|e| e.iter().map(|x| x * x).sum()).collect();
+        let mut squares: Vec<f64> = self.misses().iter().map(|e| e.iter().map(|x| x * x).sum()).collect();
         squares.sort_by(f64::total_cmp);
         let kept = squares.len() - squares.len() / 10;
         (squares[..kept].iter().sum::<f64>() / kept as f64).sqrt()
@@ -66,18 +79,17 @@ fn mixed<const D: usize, const M: usize>(all: Vec<Predictor<'_, D, M>>) -> Optio
     // The anchors that the best one predicts worst say more about themselves than about predictions.
     let best = usable.iter().min_by(|x, y| x.error().total_cmp(&y.error()))?;
     let size = |e: &[f64; M]| e.iter().map(|x| x * x).sum::<f64>();
-    let mut order: Vec<usize> = (0..best.left_out.len()).collect();
-    order.sort_by(|&i, &j| size(&best.left_out[i]).total_cmp(&size(&best.left_out[j])));
+    let mut order: Vec<usize> = (0..best.misses().len()).collect();
+    order.sort_by(|&i, &j| size(&best.misses()[i]).total_cmp(&size(&best.misses()[j])));
     order.truncate(order.len() - order.len() / 10);
     let product = |p: &Predictor<'_, D, M>, q: &Predictor<'_, D, M>| -> f64 {
-        order.iter().map(|&i| (0..M).map(|m| p.left_out[i][m] * q.left_out[i][m]).sum::<f64>()).sum()
+        order.iter().map(|&i| (0..M).map(|m| p.misses()[i][m] * q.misses()[i][m]).sum::<f64>()).sum()
     };
     let gram: Vec<Vec<f64>> = usable.iter().map(|p| usable.iter().map(|q| product(p, q)).collect()).collect();
     let weights = mixture(&gram);
     let names = usable.iter().zip(&weights).filter(|(_, w)| **w > 0.0).map(|(p, &w)| (p.parts[0].0, w)).collect();
-    let left_out = (0..usable[0].left_out.len())
-        .map(|i| std::array::from_fn(|m| usable.iter().zip(&weights).map(|(p, w)| w * p.left_out[i][m]).sum()))
-        .collect();
+    let left_out = weighted(&weights, usable.iter().map(|p| &p.left_out));
+    let judged = weighted(&weights, usable.iter().map(|p| &p.judged));
     let mut parts: Vec<_> = usable.into_iter().zip(weights).filter(|(_, w)| *w > 0.0).collect();
     join_scales(&mut parts);
     let predict = move |p: &Point<D>, _: f64| {
@@ -88,7 +100,17 @@ fn mixed<const D: usize, const M: usize>(all: Vec<Predictor<'_, D, M>>) -> Optio
         }
         sum
     };
-    Some(Predictor { parts: names, predict: Box::new(predict), scale: None, left_out })
+    Some(Predictor { parts: names, predict: Box::new(predict), scale: None, left_out, judged, mirrors: None })
+}
+
+/// The weighted sum of lists of errors.
+fn weighted<'e, const M: usize>(weights: &[f64], errors: impl Iterator<Item = &'e Vec<[f64; M]>>) -> Vec<[f64; M]> {
+    let mut sum = Vec::new();
+    for (w, list) in weights.iter().zip(errors) {
+        sum.resize(list.len(), [0.0; M]);
+        sum.iter_mut().zip(list).for_each(|(s, e)| (0..M).for_each(|m| s[m] += w * e[m]));
+    }
+    sum
 }
 
 /// Makes one of the predictions that differ in their scale: being affine in it, their mixture is the same prediction with the mean scale, at half the cost.
@@ -133,9 +155,18 @@ fn mixture(gram: &[Vec<f64>]) -> Vec<f64> {
     w
 }
 
-/// A prediction by itself.
-fn one(name: &'static str) -> Vec<(&'static str, f64)> {
-    vec![(name, 1.0)]
+/// Gives each prediction what the same one misses the anchors that judge by. What these are too few for is dropped.
+fn judged<'a, const D: usize, const M: usize>(
+    all: Vec<Predictor<'a, D, M>>,
+    judges: Option<Vec<Predictor<'_, D, M>>>,
+) -> Vec<Predictor<'a, D, M>> {
+    let Some(mut judges) = judges else { return all };
+    let of = |mut p: Predictor<'a, D, M>| {
+        let same = judges.iter_mut().find(|j| j.parts == p.parts)?;
+        p.judged = std::mem::take(&mut same.left_out);
+        Some(p)
+    };
+    all.into_iter().filter_map(of).collect()
 }
 
 fn rows<const M: usize>(x: &DMatrix<f64>) -> Vec<[f64; M]> {
@@ -169,8 +200,25 @@ impl<const D: usize> Known<D> {
         if ratio.is_finite() && ratio > 0.0 { ratio } else { 1.0 }
     }
 
-    /// Predictions in the embedding.
-    pub(super) fn embedded(&self) -> Option<Predictor<'_, D, D>> {
+    /// Predictions in the embedding, mixed as suits the anchors that judge.
+    pub(super) fn embedded(&self, judges: Option<&Self>) -> Option<Predictor<'_, D, D>> {
+        mixed(judged(self.in_embedding(), judges.map(Self::in_embedding)))
+    }
+
+    /// Predictions in space, mixed likewise.
+    pub(super) fn spatial(&self, judges: Option<&Self>) -> Option<Predictor<'_, D, 3>> {
+        let mut all = judged(self.in_space(), judges.map(Self::in_space));
+        // A shape is mirrored or not: a mixture of both would be flat.
+        let least = |mirror: bool| {
+            let these = all.iter().filter(|p| p.mirrors == Some(mirror));
+            these.map(Predictor::error).fold(f64::INFINITY, f64::min)
+        };
+        let mirrored = least(true) < least(false);
+        all.retain(|p| p.mirrors.is_none_or(|m| m == mirrored));
+        mixed(all)
+    }
+
+    fn in_embedding(&self) -> Vec<Predictor<'_, D, D>> {
         let n = self.count();
         let known = Anchors { a: &self.a, b: &self.b };
         let global = global_fit(known);
@@ -179,124 +227,98 @@ impl<const D: usize> Known<D> {
         let mut all: Vec<Predictor<'_, D, D>> =
             [("rigid moving least squares", 1.0), ("similar moving least squares", self.scale(&self.a, &self.b))]
                 .into_iter()
-                .map(|(name, scale)| Predictor {
-                    parts: one(name),
-                    predict: Box::new(move |p: &Point<D>, scale| rigid(&p.0.0, sides, &global, scale, None)),
-                    scale: Some(scale),
-                    left_out: (0..n)
-                        .into_par_iter()
-                        .map(|i| sub(&rigid(&self.a[i], sides, &global, scale, Some(i)), &self.b[i]))
-                        .collect(),
+                .map(|(name, scale)| {
+                    let miss = |i| sub(&rigid(&self.a[i], sides, &global, scale, Some(i)), &self.b[i]);
+                    let left_out = (0..n).into_par_iter().map(miss).collect();
+                    let predict = move |p: &Point<D>, scale| rigid(&p.0.0, sides, &global, scale, None);
+                    Predictor { scale: Some(scale), ..Predictor::new(name, left_out, Box::new(predict)) }
                 })
                 .collect();
         if n > 3 {
-            all.push(Predictor {
-                parts: one("residual transport"),
-                predict: Box::new(move |p: &Point<D>, _| predict(&p.0, known, Some(&(global, 1.0)))),
-                scale: None,
-                left_out: (0..n)
-                    .into_par_iter()
-                    .map(|i| {
-                        let without = |x: &[Vector<f64, D>]| [&x[..i], &x[i + 1..]].concat();
-                        let (a, b) = (without(&self.a), without(&self.b));
-                        let others = Anchors { a: &a, b: &b };
-                        sub(&predict(&self.places[i], others, Some(&(global_fit(others), 1.0))), &self.b[i])
-                    })
-                    .collect(),
-            });
+            let miss = |i: usize| {
+                let without = |x: &[Vector<f64, D>]| [&x[..i], &x[i + 1..]].concat();
+                let (a, b) = (without(&self.a), without(&self.b));
+                let others = Anchors { a: &a, b: &b };
+                sub(&predict(&self.places[i], others, Some(&(global_fit(others), 1.0))), &self.b[i])
+            };
+            let left_out = (0..n).into_par_iter().map(miss).collect();
+            let at = move |p: &Point<D>, _| predict(&p.0, known, Some(&(global, 1.0)));
+            all.push(Predictor::new("residual transport", left_out, Box::new(at)));
         }
         let ones = DMatrix::from_element(n, 1, 1.0);
         let rest = DMatrix::from_fn(n, D, |i, k| self.b[i][k] - turned(&self.a[i])[k]);
         if let Some(fit) = Radial::fit(&self.kernel(|r| r), &ones, &rest) {
-            all.push(Predictor {
-                parts: one("linear radial functions"),
-                left_out: rows(&fit.left_out),
-                scale: None,
-                predict: Box::new(move |p: &Point<D>, _| {
-                    let (y, r) = (turned(&p.0.0), fit.at::<D>(&self.phi(&p.0.0, |r| r), &[1.0]));
-                    std::array::from_fn(|k| y[k] + r[k])
-                }),
-            });
+            let left_out = rows(&fit.left_out);
+            let at = move |p: &Point<D>, _| {
+                let (y, r) = (turned(&p.0.0), fit.at::<D>(&self.phi(&p.0.0, |r| r), &[1.0]));
+                std::array::from_fn(|k| y[k] + r[k])
+            };
+            all.push(Predictor::new("linear radial functions", left_out, Box::new(at)));
         }
         if n >= 2 * (D + 1) {
             let affine = DMatrix::from_fn(n, D + 1, |i, k| if k == 0 { 1.0 } else { self.a[i][k - 1] });
             let values = DMatrix::from_fn(n, D, |i, k| self.b[i][k]);
             if let Some(fit) = Radial::fit(&self.kernel(|r| -r * r * r), &affine, &values) {
-                all.push(Predictor {
-                    parts: one("cubic radial functions"),
-                    left_out: rows(&fit.left_out),
-                    scale: None,
-                    predict: Box::new(move |p: &Point<D>, _| {
-                        let mut row = vec![1.0];
-                        row.extend(p.0.0);
-                        fit.at(&self.phi(&p.0.0, |r| -r * r * r), &row)
-                    }),
-                });
+                let left_out = rows(&fit.left_out);
+                let at = move |p: &Point<D>, _| {
+                    let mut row = vec![1.0];
+                    row.extend(p.0.0);
+                    fit.at(&self.phi(&p.0.0, |r| -r * r * r), &row)
+                };
+                all.push(Predictor::new("cubic radial functions", left_out, Box::new(at)));
             }
         }
-        mixed(all)
+        all
     }
 
-    /// Predictions in space.
-    pub(super) fn spatial(&self) -> Option<Predictor<'_, D, 3>> {
+    /// With mirrored motions beside proper ones: [`Known::spatial`] chooses.
+    fn in_space(&self) -> Vec<Predictor<'_, D, 3>> {
         let n = self.count();
         let sides = (self.s.as_slice(), self.t.as_slice());
         let scale = {
             let rows = |p: &[DVec3]| p.iter().map(|p| [p.x, p.y, p.z, 0.0]).collect::<Vec<[f64; 4]>>();
             self.scale(&rows(&self.s), &rows(&self.t))
         };
-        let along_surface = |names: [&'static str; 2], mirror: bool| -> Vec<Predictor<'_, D, 3>> {
-            let one_with = |(name, scale)| {
-                let turn = Turn { mirror, scale };
-                Predictor {
-                    parts: one(name),
-                    predict: Box::new(move |p: &Point<D>, scale| {
-                        array(rigid_in_space((&p.0.0, p.1), &self.a, sides, Turn { mirror, scale }, None))
-                    }),
-                    scale: Some(scale),
-                    left_out: (0..n)
-                        .into_par_iter()
-                        .map(|i| {
-                            let at = (&self.a[i], self.s[i]);
-                            array(rigid_in_space(at, &self.a, sides, turn, Some(i)) - self.t[i])
-                        })
-                        .collect(),
-                }
+        let names = [
+            ("rigid motions along the surface", 1.0, false),
+            ("similarities along the surface", scale, false),
+            ("reflections along the surface", 1.0, true),
+            ("reflected similarities along the surface", scale, true),
+        ];
+        let along_surface = |(name, scale, mirror)| {
+            let turn = Turn { mirror, scale };
+            let miss = |i: usize| {
+                let at = (&self.a[i], self.s[i]);
+                array(rigid_in_space(at, &self.a, sides, turn, Some(i)) - self.t[i])
             };
-            names.into_iter().zip([1.0, scale]).map(one_with).collect()
+            let left_out = (0..n).into_par_iter().map(miss).collect();
+            let at = move |p: &Point<D>, scale| {
+                array(rigid_in_space((&p.0.0, p.1), &self.a, sides, Turn { mirror, scale }, None))
+            };
+            let one = Predictor::new(name, left_out, Box::new(at));
+            Predictor { scale: Some(scale), mirrors: Some(mirror), ..one }
         };
-        let turned = along_surface(["rigid motions along the surface", "similarities along the surface"], false);
-        let mirrored =
-            along_surface(["reflections along the surface", "reflected similarities along the surface"], true);
-        // A shape is mirrored or not: a mixture of both would be flat.
-        let least = |all: &[Predictor<'_, D, 3>]| all.iter().map(Predictor::error).fold(f64::INFINITY, f64::min);
-        let mut all = if least(&mirrored) < least(&turned) { mirrored } else { turned };
+        let mut all: Vec<Predictor<'_, D, 3>> = names.into_iter().map(along_surface).collect();
         if n >= 5 {
             let affine = DMatrix::from_fn(n, 4, |i, k| if k == 0 { 1.0 } else { self.s[i][k - 1] });
             let values = DMatrix::from_fn(n, 3, |i, k| self.t[i][k]);
             let row = |x: DVec3| [1.0, x.x, x.y, x.z];
             let apart = DMatrix::from_fn(n, n, |i, j| self.s[i].distance(self.s[j]));
             if let Some(fit) = Radial::fit(&apart, &affine, &values) {
-                all.push(Predictor {
-                    parts: one("radial functions in space"),
-                    left_out: rows(&fit.left_out),
-                    scale: None,
-                    predict: Box::new(move |p: &Point<D>, _| {
-                        let phi: Vec<f64> = self.s.iter().map(|s| s.distance(p.1)).collect();
-                        fit.at(&phi, &row(p.1))
-                    }),
-                });
+                let left_out = rows(&fit.left_out);
+                let at = move |p: &Point<D>, _| {
+                    let phi: Vec<f64> = self.s.iter().map(|s| s.distance(p.1)).collect();
+                    fit.at(&phi, &row(p.1))
+                };
+                all.push(Predictor::new("radial functions in space", left_out, Box::new(at)));
             }
             if let Some(fit) = Radial::fit(&self.kernel(|r| r), &affine, &values) {
-                all.push(Predictor {
-                    parts: one("radial functions along the surface"),
-                    left_out: rows(&fit.left_out),
-                    scale: None,
-                    predict: Box::new(move |p: &Point<D>, _| fit.at(&self.phi(&p.0.0, |r| r), &row(p.1))),
-                });
+                let left_out = rows(&fit.left_out);
+                let at = move |p: &Point<D>, _| fit.at(&self.phi(&p.0.0, |r| r), &row(p.1));
+                all.push(Predictor::new("radial functions along the surface", left_out, Box::new(at)));
             }
         }
-        mixed(all)
+        all
     }
 }
 
@@ -307,10 +329,12 @@ mod tests {
     #[test]
     fn predictions_that_differ_in_scale_are_joined() {
         let scaled = |scale: Option<f64>| Predictor::<4, 2> {
-            parts: one("test"),
+            parts: vec![("test", 1.0)],
             predict: Box::new(move |p: &Point<4>, s| if scale.is_some() { [1.0 + s * p.1.x, s] } else { [p.1.y, 7.0] }),
             scale,
             left_out: Vec::new(),
+            judged: Vec::new(),
+            mirrors: None,
         };
         let mixture = || vec![(scaled(Some(1.0)), 0.2), (scaled(None), 0.5), (scaled(Some(3.0)), 0.3)];
         let at = |parts: &[(Predictor<'_, 4, 2>, f64)]| {

@@ -12,7 +12,7 @@ use crate::geometry::cholesky::SparseCholesky;
 use crate::surface::vector::{Vector, add_scaled, combine, sub};
 
 /// Stiffnesses, in parts of the first one, and how many steps are made with each.
-const STAGES: [(f64, usize); 3] = [(1.0, 6), (0.1, 6), (0.003, 8)];
+const STAGES: [(f64, usize); 3] = [(1.0, 4), (0.1, 6), (0.003, 8)];
 /// The first stiffness is this over the square root of the number of anchors, to the fourth power: a part of the distance between anchors at unit area.
 const BEND: f64 = 0.25;
 /// The stiffness that keeps anchors, in mean masses of a vertex.
@@ -55,7 +55,7 @@ fn pin_weight(bending: &Bending) -> f64 {
 /// coordinates, so the system is not solved but iterated with the steps: `M d` stands on the left for `M N d`, and what the last step did along the surface, `M (1 - N) d`, on the right. One solve
 /// a step, and where steps no longer change they are those of the whole system. What it gains over pulling to the points themselves stands in docs/methods.md.
 ///
-/// Gives the triangle of the source each image is nearest to. 20 steps. The closest points, with normals ([`Relief`]), begin exactly and follow their point from then on; at each
+/// Gives the triangle of the source each image is nearest to. 18 steps. The closest points, with normals ([`Relief`]), begin exactly and follow their point from then on; at each
 /// stiffness they are looked for once more.
 pub(super) fn relax<const K: usize>(
     bending: &Bending,
