@@ -5,6 +5,7 @@ pub(crate) mod cholesky;
 pub mod closest;
 pub mod diagnosis;
 pub mod geodesics;
+pub(crate) mod isomorphism;
 pub mod laplacian;
 pub mod material;
 pub mod mesh;

@@ -48,6 +48,27 @@ fn a_full_set_is_written_and_read_again() {
 }
 
 #[test]
+fn a_common_connectivity_is_used_unless_it_is_to_be_ignored() {
+    let f = characters(8, None);
+    // The target becomes the source, taller: the same triangles.
+    let mut copy = character_pair().source.mesh;
+    copy.positions.iter_mut().for_each(|p| p.y *= 1.2);
+    barymap::io::write_obj(&copy, f.path("t.obj")).unwrap();
+    let source = f.json("a.json")["source"].clone();
+    f.write("a.json", &json!({"source": source, "target": source}).to_string());
+    let origins = |more: &str| -> Vec<String> {
+        let line = format!("anchors s.obj t.obj --anchors a.json --count 20 -o full.json --landmarks 400 {more}");
+        let ran = f.run(&line).succeeds();
+        assert_eq!(ran.stderr.contains("the same connectivity"), more.is_empty(), "{}", ran.stderr);
+        let pairs = f.json("full.json")["pairs"].clone();
+        pairs.as_array().unwrap()[8..].iter().map(|p| p["origin"].as_str().unwrap().to_owned()).collect()
+    };
+    let (same, by_shape) = (origins(""), origins("--ignore-connectivity"));
+    assert!(same.len() == 12 && same.iter().all(|o| o == "connectivity"), "{same:?}");
+    assert!(!by_shape.is_empty() && by_shape.iter().all(|o| o == "relief"), "{by_shape:?}");
+}
+
+#[test]
 fn contradictory_pairs_are_named_flagged_and_left_out() {
     let f = characters(30, Some((7, 19)));
     let run = |more: &str| {

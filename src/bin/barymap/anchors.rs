@@ -31,6 +31,9 @@ pub(crate) struct Arguments {
     /// Pairs wanted in all
     #[arg(long, default_value_t = AnchorOptions::default().count)]
     count: usize,
+    /// Go by the shape alone, also where both meshes have the same connectivity
+    #[arg(long)]
+    ignore_connectivity: bool,
     /// Only look at the given pairs: name those the others contradict, propose none
     #[arg(long, requires = "anchors")]
     check: bool,
@@ -90,7 +93,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let proposal = if arguments.check {
         None
     } else {
-        let options = AnchorOptions { count: arguments.count };
+        let options = AnchorOptions { count: arguments.count, connectivity: !arguments.ignore_connectivity };
         let proposal = propose(source.shape(), target.shape(), &seeds, &options, session.progress())?;
         session.watch.lap("propose");
         Some(proposal)

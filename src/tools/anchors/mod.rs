@@ -1,10 +1,13 @@
 //! Anchors: a full set from a few pairs or none, the pairs that contradict the others, and where the next ones would help most.
 //!
-//! A pair taken from the current map says nothing new, so every proposal rests on the relief of both surfaces: how each differs from smoothed copies of itself. *Patches* of the
+//! Where both meshes have the same connectivity (a character and its posed copy, whatever the numbers of its vertices) the pairs are the vertices themselves.
+//!
+//! Else: a pair taken from the current map says nothing new, so every proposal rests on the relief of both surfaces: how each differs from smoothed copies of itself. *Patches* of the
 //! target are looked for on the source around where the map sends them; those found without a rival, and that move as their neighbours do, make a better map, in which they are
 //! looked for again. Then the images are *registered*: they slide over the source until the relief around image and vertex agree, smoothly, given pairs held; places are
 //! taken far from one another where the registrations in both directions agree.
 
+mod connectivity;
 mod extremities;
 mod outliers;
 mod propose;
@@ -33,6 +36,8 @@ pub enum Origin {
     Given,
     /// A tip of a limb, matched without seeds.
     Limb,
+    /// The same vertex of meshes of the same connectivity.
+    Connectivity,
     /// Found by the relief around it.
     Relief,
 }
@@ -43,6 +48,7 @@ impl Origin {
         match self {
             Self::Given => "given",
             Self::Limb => "limb",
+            Self::Connectivity => "connectivity",
             Self::Relief => "relief",
         }
     }
@@ -91,11 +97,13 @@ impl Proposal {
 pub struct AnchorOptions {
     /// Pairs wanted in all, the given ones included. Default 64.
     pub count: usize,
+    /// Whether meshes of the same connectivity, however numbered, get the same vertices as pairs. Default true; false goes by the shape alone.
+    pub connectivity: bool,
 }
 
 impl Default for AnchorOptions {
     fn default() -> Self {
-        Self { count: 64 }
+        Self { count: 64, connectivity: true }
     }
 }
 

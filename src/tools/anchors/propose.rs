@@ -1,14 +1,15 @@
-//! Proposals: the map by the pairs there are, registered by relief in both directions, and a choice of places where that is reliable.
+//! Proposals: vertices that are the same where connectivities agree; else the map by the pairs there are, registered by relief in both directions, and a choice of places where that is reliable.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::connectivity::{contradicting, same_vertices};
 use super::outliers::{Outlier, outliers};
 use super::register::{Hold, Registration, mismatch_of, register};
 use super::side::Side;
 use super::{AnchorOptions, Origin, Proposal, Proposed};
 use crate::error::Result;
-use crate::geometry::{Geodesics, March, SurfacePoint};
+use crate::geometry::{Geodesics, March, NONE, SurfacePoint};
 use crate::progress::Progress;
 use crate::surface::AnchorPairs;
 use crate::surface::correspondence::{CorrespondenceOptions, Method, Shape, correspondence};
@@ -89,9 +90,9 @@ impl Growing<'_, '_> {
         let wrong: Vec<Outlier> = outliers(s, t, &self.anchors())?;
         let indices: Vec<usize> = wrong.iter().map(|o| o.index).filter(|i| *i >= given).collect();
         let mut k = 0;
-        self.pairs.retain(|_| {
+        self.pairs.retain(|p| {
             k += 1;
-            !indices.contains(&(k - 1))
+            p.origin == Origin::Connectivity || !indices.contains(&(k - 1))
         });
         Ok(())
     }
@@ -116,15 +117,13 @@ pub(super) fn propose(
     let mut growing = Growing { couple, handedness: if mirrored { -1.0 } else { 1.0 }, pairs };
     let spacing = 1.0 / (options.count as f64).sqrt();
     progress.stage("proposing anchors", 3);
+    let same = if options.connectivity { same_vertices(couple, &images) } else { vec![NONE; images.len()] };
+    let known = same.iter().filter(|w| **w != NONE).count();
+    let used = (0..same.len() as u32).filter(|&v| !to.topology.vertex_triangles(v).is_empty()).count();
     if given < options.count {
-        let mut both = Vec::new();
-        for to in 0..2 {
-            let start = if to == 0 { images.clone() } else { couple.images(seeds, to)? };
-            let (a, b) = (&couple.sides[to], &couple.sides[1 - to]);
-            both.push(register(a, b, &start, &couple.holds(seeds, to), growing.handedness)?);
-            progress.advance(1);
-        }
-        place(&mut growing, &both[0], &Reliability::new(couple, &both), options, spacing);
+        let registered = (known < used).then(|| registered(couple, seeds, &images, growing.handedness, progress));
+        let registered = registered.transpose()?;
+        place(&mut growing, &same, registered.as_ref(), options, spacing);
         growing.drop_contradicted(given)?;
         progress.advance(1);
     }
@@ -133,6 +132,16 @@ pub(super) fn propose(
         p.flagged = Some(format!("may be off by {:.3} of the square root of the area", p.expected_error));
     }
     let mut notes = Vec::new();
+    if known > 0 {
+        let what = if known < used { format!("{known} of {used} vertices") } else { "all vertices".to_owned() };
+        notes.push(format!("both meshes have the same connectivity at {what}: pairs there are exact (--ignore-connectivity goes by the shape alone)"));
+        for (i, off) in contradicting(couple, seeds, &same) {
+            let text =
+                format!("lies {off:.3} of the square root of the area from where the common connectivity puts it");
+            notes.push(format!("pair {i} {text}"));
+            pairs[i].flagged = Some(text);
+        }
+    }
     if pairs.len() < options.count {
         notes.push(format!(
             "{} of {} pairs: elsewhere the relief of the two surfaces does not agree on a place",
@@ -146,6 +155,26 @@ pub(super) fn propose(
     Ok(Proposal { pairs, given, notes, ambiguity: None })
 }
 
+/// The images on the source by registration from `images`, and what speaks for them.
+fn registered(
+    couple: &Couple<'_>,
+    seeds: &AnchorPairs,
+    images: &[Option<SurfacePoint>],
+    handedness: f64,
+    progress: &dyn Progress,
+) -> Result<(Registration, Reliability)> {
+    let one = |to: usize, start: &[Option<SurfacePoint>]| {
+        let (a, b) = (&couple.sides[to], &couple.sides[1 - to]);
+        let found = register(a, b, start, &couple.holds(seeds, to), handedness);
+        progress.advance(1);
+        found
+    };
+    let there = one(0, images)?;
+    let back = one(1, &couple.images(seeds, 1)?)?;
+    let reliable = Reliability::new(couple, &there, &back);
+    Ok((there, reliable))
+}
+
 /// What speaks for the images of a registration at each vertex of the target.
 pub(super) struct Reliability {
     /// Target to source and back, at unit area.
@@ -157,37 +186,37 @@ pub(super) struct Reliability {
 }
 
 impl Reliability {
-    fn new(couple: &Couple<'_>, both: &[Registration]) -> Self {
+    fn new(couple: &Couple<'_>, there: &Registration, back: &Registration) -> Self {
         let [source, target] = &couple.sides;
         let n = target.positions.len();
-        let back: Vec<DVec3> = (0..n)
+        let places: Vec<DVec3> = (0..n)
             .into_par_iter()
             .map(|v| {
-                let Some(p) = &both[0].images[v] else { return DVec3::INFINITY };
+                let Some(p) = &there.images[v] else { return DVec3::INFINITY };
                 let corners = source.topology.triangles[p.face as usize];
-                let mut back = DVec3::ZERO;
+                let mut place = DVec3::ZERO;
                 for k in 0..3 {
-                    let Some(q) = &both[1].images[corners[k] as usize] else { return DVec3::INFINITY };
-                    back += p.barycentric[k] * target.position(q);
+                    let Some(q) = &back.images[corners[k] as usize] else { return DVec3::INFINITY };
+                    place += p.barycentric[k] * target.position(q);
                 }
-                back
+                place
             })
             .collect();
-        let cycle = back.iter().zip(&target.positions).map(|(b, p)| b.distance(*p)).collect();
-        let sigma = (0..n).map(|v| (both[0].mismatch[v] / (both[0].hold[v] + 1e-9)).sqrt()).collect();
-        Self { cycle, back, sigma }
+        let cycle = places.iter().zip(&target.positions).map(|(b, p)| b.distance(*p)).collect();
+        let sigma = (0..n).map(|v| (there.mismatch[v] / (there.hold[v] + 1e-9)).sqrt()).collect();
+        Self { cycle, back: places, sigma }
     }
 }
 
-/// Adds pairs far from all others where the registration is reliable.
+/// Adds pairs far from all others where vertices are known to be the same or the registration is reliable.
 fn place(
     growing: &mut Growing<'_, '_>,
-    registration: &Registration,
-    reliable: &Reliability,
+    same: &[u32],
+    registered: Option<&(Registration, Reliability)>,
     options: &AnchorOptions,
     spacing: f64,
 ) {
-    let target = &growing.couple.sides[1];
+    let [source, target] = &growing.couple.sides;
     let geodesics = Geodesics::new(&target.positions, &target.triangles);
     let mut march = March::default();
     geodesics.clear(&mut march);
@@ -195,23 +224,35 @@ fn place(
     for p in &growing.pairs {
         geodesics.add_source(corner(&p.target), &mut march);
     }
-    let good = |v: usize| registration.images[v].is_some() && reliable.sigma[v] <= SIGMA && reliable.cycle[v] <= CYCLE;
+    let exact = |v: usize| if same[v] == NONE { None } else { source.topology.vertex_point(same[v]) };
+    let by_relief = |v: usize| -> Option<Proposed> {
+        let (registration, reliable) = registered?;
+        let good = reliable.sigma[v] <= SIGMA && reliable.cycle[v] <= CYCLE;
+        // The two registrations err in different directions: their mean goes half as far as coming back does.
+        let between = 0.5 * (target.positions[v] + reliable.back[v]);
+        Some(Proposed {
+            source: registration.images[v].filter(|_| good)?,
+            target: target.closest_near(between, target.topology.vertex_point(v as u32)?),
+            origin: Origin::Relief,
+            expected_error: (0.5 * reliable.sigma[v]).max(2.0 * reliable.cycle[v]),
+            flagged: None,
+        })
+    };
+    let at = |v: usize| -> Option<Proposed> {
+        let Some(source) = exact(v) else { return by_relief(v) };
+        let target = target.topology.vertex_point(v as u32)?;
+        Some(Proposed { source, target, origin: Origin::Connectivity, expected_error: 0.0, flagged: None })
+    };
+    let possible: Vec<usize> = (0..target.positions.len()).filter(|&v| at(v).is_some()).collect();
     while growing.pairs.len() < options.count {
-        let farthest = (0..target.positions.len())
-            .filter(|&v| march.distances[v].is_finite() && good(v))
-            .max_by(|&a, &b| march.distances[a].total_cmp(&march.distances[b]).then(b.cmp(&a)));
-        let Some(v) = farthest.filter(|&v| march.distances[v] > 0.3 * spacing) else { break };
+        let distance = |v: usize| march.distances[v];
+        let farthest = possible
+            .iter()
+            .copied()
+            .filter(|&v| distance(v).is_finite() || same[v] != NONE)
+            .max_by(|&a, &b| distance(a).total_cmp(&distance(b)).then(b.cmp(&a)));
+        let Some(v) = farthest.filter(|&v| distance(v) > 0.3 * spacing) else { break };
         geodesics.add_source(v as u32, &mut march);
-        if let (Some(source), Some(point)) = (registration.images[v], target.topology.vertex_point(v as u32)) {
-            // The two registrations err in different directions: their mean goes half as far as coming back does.
-            let between = 0.5 * (target.positions[v] + reliable.back[v]);
-            growing.pairs.push(Proposed {
-                source,
-                target: target.closest_near(between, point),
-                origin: Origin::Relief,
-                expected_error: (0.5 * reliable.sigma[v]).max(2.0 * reliable.cycle[v]),
-                flagged: None,
-            });
-        }
+        growing.pairs.extend(at(v));
     }
 }
