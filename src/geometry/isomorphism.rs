@@ -210,7 +210,7 @@ mod tests {
     #[test]
     fn a_renumbered_mesh_is_found_and_colours_are_kept() {
         // An icosahedron's subdivision has its 120 symmetries, half of them mirrored: one of them is the renumbering, and every one keeps colours.
-        let topology = Topology::new(&icosphere(2));
+        let topology = Topology::new(&icosphere(1.0, 2));
         for turned in [false, true] {
             let (other, new) = renumbered(&topology, 5, turned);
             let (a, b) = (colours(&topology), colours(&other));

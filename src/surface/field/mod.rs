@@ -6,6 +6,7 @@
 //! staying where they are. A point between vertices is interpolated and projected (Phong projection of Panozzo et al. 2013, in more dimensions): no pass over the anchors.
 
 pub(super) mod closest;
+mod islands;
 mod judges;
 mod pair;
 mod predict;
@@ -24,6 +25,7 @@ use self::pair::Shapes;
 pub use self::session::{Edit, FieldSession};
 
 use self::closest::{ClosestOnSurface, FLAT};
+use self::islands::Islands;
 use self::predict::Point;
 use self::relax::{Pins, Tie, factors, relax, stiffness};
 use self::relief::Relief;
@@ -74,6 +76,8 @@ pub struct FieldReport {
     pub lambda: f64,
     /// For each anchor how far the others would have missed it, over the square root of the source's area; empty where no anchor was left out.
     pub left_out: Vec<f64>,
+    /// Vertices whose images lay apart from those of their neighbours and took their place from these.
+    pub reseated: usize,
     /// Triangles of the target that the relaxation turned over, and those that are so still after the repair.
     pub turned: [usize; 2],
 }
@@ -229,9 +233,15 @@ impl<S: Real, const K: usize> Field<S, K> {
                 field.drift[v as usize] = f64::INFINITY;
             }
         }
-        let turned = field.report.turned;
-        field.report =
-            FieldReport { turned, embedded: embedded.parts.clone(), spatial: spatial.parts.clone(), lambda, left_out };
+        let (turned, reseated) = (field.report.turned, field.report.reseated);
+        field.report = FieldReport {
+            turned,
+            reseated,
+            embedded: embedded.parts.clone(),
+            spatial: spatial.parts.clone(),
+            lambda,
+            left_out,
+        };
         Ok(field)
     }
 
@@ -252,7 +262,11 @@ impl<S: Real, const K: usize> Field<S, K> {
         let (reference, vertices) = surface?;
         z.iter_mut().for_each(|z| *z = framed(&reference, *z));
         let closest = ClosestOnSurface::new(&reference, &vertices);
-        let (mut near, mut relief) = (vec![NONE; z.len()], None);
+        let mut held = vec![false; z.len()];
+        for (v, _) in ties.iter().flat_map(|(v, x)| v.iter().zip(x)).filter(|(_, x)| **x > 0.0) {
+            held[*v as usize] = true;
+        }
+        let (mut near, mut relief, mut reseated) = (vec![NONE; z.len()], None, 0);
         if let Some(factors) = factors? {
             let own = &shapes.source.topology.triangles;
             let unit = predicted.unit / reference.edge;
@@ -262,6 +276,7 @@ impl<S: Real, const K: usize> Field<S, K> {
             let relaxed = relax(&shapes.bending, &closest, begun, [&triangles, own], &pins, &mut z)?;
             near = relaxed.0;
             relief = Some(relaxed.1);
+            reseated = Islands { shapes, closest: &closest, held: &held }.reseat(&mut z, &mut near);
         }
         let mut starts: Vec<u32> = (0..z.len())
             .into_par_iter()
@@ -278,11 +293,6 @@ impl<S: Real, const K: usize> Field<S, K> {
         let mut turned = Repaired::default();
         let projected: PhongSurface<S, K> = reference.cast();
         if relaxed {
-            let mut held = vec![false; z.len()];
-            for p in &anchors.target {
-                let corners = triangles[p.face as usize].into_iter().zip(p.barycentric);
-                corners.filter(|(_, x)| *x > 0.0).for_each(|(v, _)| held[v as usize] = true);
-            }
             let (z, starts) = (&mut z[..], &mut starts[..]);
             let start_faces = &start_faces;
             turned = Images { shapes, source: &projected, closest: &closest, z, starts, start_faces }.repair(&held);
@@ -303,7 +313,7 @@ impl<S: Real, const K: usize> Field<S, K> {
             relief,
             unit,
             trust: Trust::default(),
-            report: FieldReport { turned: [turned.before, turned.left.len()], ..FieldReport::default() },
+            report: FieldReport { reseated, turned: [turned.before, turned.left.len()], ..FieldReport::default() },
             turned: turned.left,
         })
     }
