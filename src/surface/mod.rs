@@ -1,5 +1,6 @@
 //! Weighted averages on surfaces (Panozzo et al. 2013).
 
+pub mod alignment;
 pub mod anchors;
 pub mod average;
 pub mod correspondence;
@@ -23,6 +24,7 @@ pub mod tangents;
 mod theory;
 pub mod vector;
 
+pub use alignment::{Alignment, AlignmentOptions, align};
 pub use anchors::AnchorPairs;
 pub use embedding::{Embedding, EmbeddingOptions, Sampling};
 pub use identity::IdentityMap;

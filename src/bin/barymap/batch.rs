@@ -292,8 +292,10 @@ fn report(session: &Session<'_>, rows: &[(&str, Outcome, f64)]) -> Value {
     };
     let count = |word: &str| rows.iter().filter(|r| r.1.word() == word).count();
     let mut report = session.report("batch");
-    // It is the last item's.
-    report.as_object_mut().map(|r| r.remove("field"));
+    // They are the last item's.
+    for own in ["field", "alignment"] {
+        report.as_object_mut().map(|r| r.remove(own));
+    }
     report["done"] = json!(count("done"));
     report["skipped"] = json!(count("skipped"));
     report["failed"] = json!(count("failed"));

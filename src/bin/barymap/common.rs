@@ -86,6 +86,8 @@ pub(crate) struct Session<'a> {
     pub(crate) watch: Stopwatch,
     /// What the method `field` chose, for the report.
     pub(crate) field: Option<Value>,
+    /// What became of the alignment of its embeddings, for the report.
+    pub(crate) alignment: Option<Value>,
     cache: Cache,
 }
 
@@ -113,6 +115,7 @@ impl<'a> Session<'a> {
             bars: Bars::new(common.quiet),
             watch: Stopwatch::new(),
             field: None,
+            alignment: None,
             cache: if common.no_cache { Cache::disabled() } else { Cache::from_environment() },
         };
         if let Some(note) = session.engine.note() {
@@ -210,6 +213,9 @@ impl<'a> Session<'a> {
         });
         if let Some(field) = &self.field {
             report["field"] = field.clone();
+        }
+        if let Some(alignment) = &self.alignment {
+            report["alignment"] = alignment.clone();
         }
         report
     }

@@ -97,10 +97,10 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     ));
     let cycled = if arguments.cycle {
         let turned = AnchorPairs { source: anchors.target.clone(), target: anchors.source.clone() };
-        let chosen = session.field.take();
+        let chosen = (session.field.take(), session.alignment.take());
         let back = prepare(&mut session, &mut target, &mut source, &turned, method, &arguments.embedding)?;
         let c = cycle(&target.mesh, &target.topology, &vertices, back.as_ref())?;
-        session.field = chosen;
+        (session.field, session.alignment) = chosen;
         session.watch.lap("cycle");
         session.say(&format!(
             "there and back: mean {:.5}, 95 % within {:.5}, largest {:.5} of the square root of the area; {:.1} % within an edge",

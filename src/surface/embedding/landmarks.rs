@@ -25,6 +25,38 @@ pub(crate) struct Landmarks {
     pub(crate) distances: Vec<f64>,
 }
 
+/// The mesh that distances are measured on: the part, simplified to `options.mid_level` vertices if it has more.
+struct MidLevel {
+    /// Vertices of the part, ascending.
+    vertices: Vec<u32>,
+    positions: Vec<DVec3>,
+    /// In its own numbering.
+    triangles: Vec<[u32; 3]>,
+}
+
+impl MidLevel {
+    /// `count` is the number of landmarks asked for: there are four times as many vertices, if the part has them.
+    fn new(part: &Part, count: usize, options: &EmbeddingOptions) -> Self {
+        let n = part.vertices.len();
+        let mid = options.mid_level.max(4 * count);
+        let all: Vec<u32> = (0..n as u32).collect();
+        let (mut vertices, mut triangles) = (all, part.triangles.clone());
+        if n > mid + mid / 4 {
+            let longest_edge = MID_EDGE * (part.area / mid as f64).sqrt();
+            let simple = simplify(&part.positions, &triangles, &SimplifyOptions { vertices: mid, longest_edge });
+            (vertices, triangles) = (simple.vertices, simple.triangles);
+        }
+        let own: HashMap<u32, u32> = vertices.iter().enumerate().map(|(i, &v)| (v, i as u32)).collect();
+        let positions: Vec<DVec3> = vertices.iter().map(|&v| part.positions[v as usize]).collect();
+        let triangles: Vec<[u32; 3]> = triangles.iter().map(|t| t.map(|v| own[&v])).collect();
+        Self { vertices, positions, triangles }
+    }
+
+    fn geodesics(&self) -> Geodesics {
+        Geodesics::new(&self.positions, &self.triangles)
+    }
+}
+
 /// Chooses up to `count` landmarks. Distances are measured on a simplified mesh of `options.mid_level` vertices if the part has more.
 pub(crate) fn choose(
     part: &Part,
@@ -35,44 +67,52 @@ pub(crate) fn choose(
 ) -> Landmarks {
     let clock = Instant::now();
     progress.stage("simplification", 1);
-    let n = part.vertices.len();
-    let mid = options.mid_level.max(4 * count);
-    let all: Vec<u32> = (0..n as u32).collect();
-    let (mut vertices, mut triangles) = (all, part.triangles.clone());
-    if n > mid + mid / 4 {
-        let longest_edge = MID_EDGE * (part.area / mid as f64).sqrt();
-        let simple = simplify(&part.positions, &triangles, &SimplifyOptions { vertices: mid, longest_edge });
-        (vertices, triangles) = (simple.vertices, simple.triangles);
-    }
+    let mid = MidLevel::new(part, count, options);
     seconds.simplification += clock.elapsed().as_secs_f64();
     let clock = Instant::now();
     progress.stage("landmarks", 1);
-    let own: HashMap<u32, u32> = vertices.iter().enumerate().map(|(i, &v)| (v, i as u32)).collect();
-    let positions: Vec<DVec3> = vertices.iter().map(|&v| part.positions[v as usize]).collect();
-    let local: Vec<[u32; 3]> = triangles.iter().map(|t| t.map(|v| own[&v])).collect();
-    let geodesics = Geodesics::new(&positions, &local);
-    let chosen: Vec<u32> = if count >= vertices.len() {
-        (0..vertices.len() as u32).collect()
+    let geodesics = mid.geodesics();
+    let chosen: Vec<u32> = if count >= mid.vertices.len() {
+        (0..mid.vertices.len() as u32).collect()
     } else {
         match options.sampling {
             Sampling::FarthestPoint => farthest_points(&geodesics, 0, count),
-            Sampling::Decimation => decimated(part, &geodesics, &positions, &local, count),
+            Sampling::Decimation => decimated(part, &geodesics, &mid.positions, &mid.triangles, count),
         }
     };
     seconds.sampling += clock.elapsed().as_secs_f64();
     let clock = Instant::now();
+    let distances = distances(&geodesics, &chosen, progress);
+    seconds.geodesics += clock.elapsed().as_secs_f64();
+    Landmarks { vertices: chosen.into_iter().map(|v| mid.vertices[v as usize]).collect(), distances }
+}
+
+/// The distances between landmarks that [`choose`] gave for the same part, `count` and options, measured again; `None` if some are not among the vertices that distances are measured on.
+pub(crate) fn measure(
+    part: &Part,
+    count: usize,
+    landmarks: &[u32],
+    options: &EmbeddingOptions,
+    progress: &dyn Progress,
+) -> Option<Vec<f64>> {
+    let mid = MidLevel::new(part, count, options);
+    let own: HashMap<u32, u32> = mid.vertices.iter().enumerate().map(|(i, &v)| (v, i as u32)).collect();
+    let chosen: Option<Vec<u32>> = landmarks.iter().map(|v| own.get(v).copied()).collect();
+    Some(distances(&mid.geodesics(), &chosen?, progress))
+}
+
+/// The symmetric matrix of the distances between vertices.
+fn distances(geodesics: &Geodesics, chosen: &[u32], progress: &dyn Progress) -> Vec<f64> {
     progress.stage("geodesic distances", chosen.len() as u64);
-    let raw = geodesics.matrix(&chosen, || progress.advance(1));
+    let raw = geodesics.matrix(chosen, || progress.advance(1));
     let m = chosen.len();
     let largest = raw.iter().copied().fold(0.0, f64::max);
-    let distances = (0..m * m)
+    (0..m * m)
         .map(|k| {
             let (i, j) = (k / m, k % m);
             if i == j { 0.0 } else { (0.5 * (raw[k] + raw[j * m + i])).max(LEAST_DISTANCE * largest) }
         })
-        .collect();
-    seconds.geodesics += clock.elapsed().as_secs_f64();
-    Landmarks { vertices: chosen.into_iter().map(|v| vertices[v as usize]).collect(), distances }
+        .collect()
 }
 
 /// The vertices that simplification to `count` leaves over.

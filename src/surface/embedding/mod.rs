@@ -9,11 +9,13 @@ mod cache;
 mod landmarks;
 mod least_squares;
 mod parts;
+mod rescaling;
 mod scaling;
 
 use std::time::Instant;
 
 pub use cache::{ALGORITHM_VERSION, cache_key};
+pub use rescaling::Rescaling;
 
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, Topology};

@@ -82,8 +82,9 @@ fn leading_eigenpairs(a: MatRef<'_, f64>, count: usize) -> Result<(Vec<f64>, Mat
     ))
 }
 
-/// The stress problem of one set of distances.
-struct Problem {
+/// The stress problem of one set of distances, for any number of starts.
+#[derive(Debug)]
+pub(crate) struct Problem {
     n: usize,
     /// Row length of `inverse`, a multiple of LANES.
     padded: usize,
@@ -95,7 +96,8 @@ struct Problem {
 }
 
 impl Problem {
-    fn new(distances: &[f64], n: usize) -> Result<Self> {
+    /// Sets up the problem of a full symmetric n x n matrix, positive off the diagonal. O(n^3).
+    pub(crate) fn new(distances: &[f64], n: usize) -> Result<Self> {
         let padded = n.next_multiple_of(LANES);
         let mut inverse = vec![0.0; n * padded];
         for i in 0..n {
@@ -297,8 +299,12 @@ fn direction(r: &Mat<f64>, history: &VecDeque<Pair>) -> Mat<f64> {
 ///
 /// `distances` is a full symmetric n x n matrix, positive off the diagonal; `start` has n rows and 4, 8, 12 or 16 columns. `swept` is called
 /// after each sweep. A sweep costs O(n^2 D), the set-up O(n^3).
-pub(crate) fn smacof(distances: &[f64], start: Mat<f64>, stop: Stop, mut swept: impl FnMut()) -> Result<Scaled> {
-    let problem = Problem::new(distances, start.nrows())?;
+pub(crate) fn smacof(distances: &[f64], start: Mat<f64>, stop: Stop, swept: impl FnMut()) -> Result<Scaled> {
+    Ok(descend(&Problem::new(distances, start.nrows())?, start, stop, swept))
+}
+
+/// [`smacof`] for a problem that has been set up.
+pub(crate) fn descend(problem: &Problem, start: Mat<f64>, stop: Stop, mut swept: impl FnMut()) -> Scaled {
     let mut x = start;
     let (mut stress, mut b) = problem.evaluate(&x);
     let mut trace = vec![stress];
@@ -340,7 +346,7 @@ pub(crate) fn smacof(distances: &[f64], start: Mat<f64>, stop: Stop, mut swept: 
             break;
         }
     }
-    Ok(Scaled { points: x, stress: trace })
+    Scaled { points: x, stress: trace }
 }
 
 #[cfg(test)]

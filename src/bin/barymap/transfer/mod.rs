@@ -267,6 +267,7 @@ impl Job<'_> {
         let method = self.method;
         let map: Box<dyn PointMap + Send> = if IdentityMap::fits(&source.mesh, &target.mesh, self.anchors) {
             session.warn("source and target are the same surface with the same anchors: every point stays where it is");
+            (session.field, session.alignment) = (None, None);
             Box::new(IdentityMap)
         } else {
             prepare(session, source, target, self.anchors, method, self.embedding)?
