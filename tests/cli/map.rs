@@ -95,3 +95,30 @@ fn every_dimension_of_the_embedding_has_its_field() {
     }
     f.run(&format!("{MAP} --dimension 5")).fails(2, &["dimension"]);
 }
+
+#[test]
+fn an_alignment_is_reported_and_needs_anchors_and_the_field() {
+    let f = spheres();
+    f.run(&format!("{MAP} --landmarks 200 --align")).succeeds();
+    let report = f.json("r.json");
+    let a = &report["alignment"];
+    let number = |key: &str| a[key].as_f64().unwrap_or_else(|| panic!("{key}: {a}"));
+    assert!(
+        number("before") > 0.0 && number("after") > 0.0 && number("seconds") > 0.0 && a["kept"].is_boolean(),
+        "{a}"
+    );
+    let kept = a["kept"].as_bool().unwrap();
+    let first = f.read("m.csv");
+    f.run(&format!("{MAP} --landmarks 200 --align --cycle")).succeeds();
+    assert_eq!(f.read("m.csv"), first);
+    let again = f.json("r.json");
+    assert_eq!((&again["alignment"]["before"], &again["alignment"]["after"]), (&a["before"], &a["after"]));
+    f.run(&format!("{MAP} --landmarks 200")).succeeds();
+    assert!(f.json("r.json").get("alignment").is_none());
+    // Kept or not, the map is that of the report.
+    assert_eq!(f.read("m.csv") == first, !kept);
+
+    f.run(&format!("{MAP} --align --method rbf")).fails(2, &["--align", "field"]);
+    f.anchors("a.json", 4, |p| p);
+    f.run(&format!("{MAP} --landmarks 200 --align")).fails(1, &["4 anchors", "do not align"]);
+}

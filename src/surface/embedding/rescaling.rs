@@ -1,8 +1,8 @@
-//! The scaling of an embedding once more, from another start: the same landmarks and distances, another of the many nearly equal minima of the stress.
+//! The scaling of an embedding once more, from another start: the same landmarks and distances, on the way to the minimum by plain majorisation.
 
 use faer::Mat;
 
-use super::scaling::{Problem, Stop, descend};
+use super::scaling::{Problem, Step, Stop, descend};
 use super::{Embedding, EmbeddingOptions, LEAST_LANDMARKS, assemble, landmarks, least_squares, parts};
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, NONE, Topology};
@@ -62,23 +62,26 @@ impl<'a> Rescaling<'a> {
         let parts = parts::split(mesh, topology, unit);
         let counts = parts::share(&parts, options.landmarks, LEAST_LANDMARKS);
         let component = |v: u32| topology.vertex_component.get(v as usize).copied().unwrap_or(NONE);
-        let mut components = Vec::with_capacity(parts.len());
+        let mut own = Vec::with_capacity(parts.len());
         let mut first = 0;
-        for (c, (part, count)) in parts.iter().zip(counts).enumerate() {
+        for (c, part) in parts.iter().enumerate() {
             let rest = &embedding.landmarks[first..];
-            let own = &rest[..rest.iter().take_while(|&&v| component(v) == c as u32).count()];
+            let here = &rest[..rest.iter().take_while(|&&v| component(v) == c as u32).count()];
             let place: Option<Vec<u32>> =
-                own.iter().map(|v| part.vertices.binary_search(v).ok().map(|i| i as u32)).collect();
-            let landmarks = place.filter(|l| !l.is_empty() && distinct(l));
-            let landmarks = landmarks.ok_or_else(|| other(&format!("component {c} has no landmarks of its own")))?;
+                here.iter().map(|v| part.vertices.binary_search(v).ok().map(|i| i as u32)).collect();
+            let landmarks = place.filter(|l| l.len() > 1 && distinct(l));
+            own.push((landmarks.ok_or_else(|| other(&format!("component {c} has no landmarks of its own")))?, first));
+            first += here.len();
+        }
+        if first != embedding.landmarks.len() {
+            return Err(other("some landmarks are on no component"));
+        }
+        let mut components = Vec::with_capacity(parts.len());
+        for ((part, count), (landmarks, first)) in parts.iter().zip(counts).zip(own) {
             let distances = landmarks::measure(part, count, &landmarks, options, progress)
                 .ok_or_else(|| other("its landmarks were chosen with other options"))?;
             let problem = Problem::new(&distances, landmarks.len())?;
             components.push(Component { landmarks, first, problem });
-            first += own.len();
-        }
-        if first != embedding.landmarks.len() {
-            return Err(other("some landmarks are on no component"));
         }
         Ok(Self { embedding, parts, components, vertex_count: mesh.vertex_count(), unit })
     }
@@ -108,7 +111,7 @@ impl<'a> Rescaling<'a> {
             let middle: Vec<f64> =
                 (0..dimension).map(|k| rows.iter().skip(k).step_by(dimension).sum::<f64>() / m as f64).collect();
             let begin = Mat::from_fn(m, dimension, |i, k| (rows[i * dimension + k] - middle[k]) / self.unit);
-            let scaled = descend(&c.problem, begin, stop, || progress.advance(1));
+            let scaled = descend(&c.problem, begin, Step::Plain, stop, || progress.advance(1));
             let targets: Vec<f64> = (0..m * dimension).map(|k| scaled.points[(k / dimension, k % dimension)]).collect();
             let points =
                 least_squares::least_squares_mesh(&part.positions, &part.triangles, &c.landmarks, &targets, dimension)?;
@@ -133,4 +136,103 @@ fn distinct(landmarks: &[u32]) -> bool {
     let mut sorted = landmarks.to_vec();
     sorted.sort_unstable();
     sorted.windows(2).all(|w| w[0] < w[1])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::models::shapes::lobed_sphere;
+    use crate::progress::Quiet;
+
+    fn options() -> EmbeddingOptions {
+        EmbeddingOptions { landmarks: 100, mid_level: 400, ..EmbeddingOptions::default() }
+    }
+
+    fn embedded(mesh: &Mesh) -> (Topology, Embedding) {
+        let topology = Topology::new(mesh);
+        let embedding = Embedding::compute(mesh, &topology, &options(), &Quiet).unwrap();
+        (topology, embedding)
+    }
+
+    fn rows(e: &Embedding) -> Vec<f64> {
+        e.landmarks.iter().flat_map(|&v| e.point(v as usize)).copied().collect()
+    }
+
+    /// Root of the mean squared distance between points of the same number, over that from the middle.
+    fn apart(a: &Embedding, b: &Embedding) -> f64 {
+        let square = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>();
+        let difference: Vec<f64> = a.points.iter().zip(&b.points).map(|(x, y)| x - y).collect();
+        (square(&difference) / square(&a.points)).sqrt()
+    }
+
+    #[test]
+    fn from_where_it_is_little_changes_and_a_turned_start_turns_it() {
+        // Not in the mesh's units by chance, and measured on a simplified mesh.
+        let mut mesh = lobed_sphere(3, 0.3);
+        mesh.positions.iter_mut().for_each(|p| *p = *p * 7.0 + 2.0);
+        let (topology, e) = embedded(&mesh);
+        let scaling = Rescaling::new(&mesh, &topology, &e, &options(), &Quiet).unwrap();
+        let same = scaling.restart(&rows(&e), 100, &Quiet).unwrap();
+        assert!(
+            same.stress <= e.stress * (1.0 + 1e-9) && same.stress >= 0.97 * e.stress,
+            "{} {}",
+            same.stress,
+            e.stress
+        );
+        assert!(apart(&e, &same) < 0.02, "{}", apart(&e, &same));
+        assert_eq!(same.landmarks, e.landmarks);
+        let blank = vec![f64::NAN; rows(&e).len()];
+        assert_eq!(scaling.restart(&blank, 100, &Quiet).unwrap().to_bytes(), same.to_bytes());
+
+        let turn =
+            |x: &[f64]| -> Vec<f64> { x.chunks_exact(8).flat_map(|y| (0..8).map(|k| -y[(k + 3) % 8])).collect() };
+        let turned = scaling.restart(&turn(&rows(&e)), 100, &Quiet).unwrap();
+        let wanted = Embedding { points: turn(&same.points), ..same.clone() };
+        assert!(apart(&wanted, &turned) < 1e-3, "{}", apart(&wanted, &turned));
+        assert!(apart(&same, &turned) > 0.5);
+
+        // The measure can fail: a start that is off has more stress, and what was swept has less again.
+        let off: Vec<f64> = rows(&e).iter().enumerate().map(|(i, x)| x * (1.0 + 0.3 * (i as f64).sin())).collect();
+        let [none, some] = [0, 100].map(|sweeps| scaling.restart(&off, sweeps, &Quiet).unwrap().stress);
+        assert!(none > 2.0 * e.stress && some < 0.5 * none, "{none} {some} {}", e.stress);
+    }
+
+    #[test]
+    fn components_stay_apart() {
+        let (one, mut two) = (lobed_sphere(2, 0.3), lobed_sphere(2, 0.1));
+        two.positions.iter_mut().for_each(|p| p.x += 4.0);
+        let n = one.vertex_count() as u32;
+        let triangles = [one.triangles(), two.triangles().iter().map(|t| t.map(|v| v + n)).collect()].concat();
+        let mesh = Mesh::from_triangles("two", [one.positions, two.positions].concat(), &triangles);
+        let (topology, e) = embedded(&mesh);
+        let scaling = Rescaling::new(&mesh, &topology, &e, &options(), &Quiet).unwrap();
+        // Only the second is given a start, somewhere else.
+        let mut start = rows(&e);
+        for (i, y) in e.landmarks.iter().zip(start.chunks_exact_mut(8)) {
+            y.iter_mut().for_each(|x| *x = if *i < n { f64::NAN } else { *x + 50.0 });
+        }
+        let again = scaling.restart(&start, 100, &Quiet).unwrap();
+        assert!(apart(&e, &again) < 0.02, "{}", apart(&e, &again));
+    }
+
+    #[test]
+    fn other_embeddings_are_refused() {
+        let mesh = lobed_sphere(3, 0.3);
+        let (topology, e) = embedded(&mesh);
+        let refused = |e: &Embedding, options: &EmbeddingOptions, words: &str| {
+            let error = Rescaling::new(&mesh, &topology, e, options, &Quiet).unwrap_err().to_string();
+            assert!(error.contains(words), "{error}");
+        };
+        let o = options();
+        refused(&Embedding { landmarks: Vec::new(), ..e.clone() }, &o, "no landmarks");
+        refused(&Embedding { landmarks: vec![3, 3], ..e.clone() }, &o, "component 0");
+        refused(&Embedding { landmarks: vec![3, 4, u32::MAX], ..e.clone() }, &o, "on no component");
+        refused(&Embedding { points: e.points[8..].to_vec(), ..e.clone() }, &o, "another mesh");
+        refused(&e, &EmbeddingOptions { dimension: 4, ..o }, "dimension");
+        // Of another simplified mesh.
+        let every: Vec<u32> = (0..mesh.vertex_count() as u32).collect();
+        refused(&Embedding { landmarks: every, ..e.clone() }, &o, "other options");
+        let scaling = Rescaling::new(&mesh, &topology, &e, &o, &Quiet).unwrap();
+        assert!(scaling.restart(&rows(&e)[8..], 10, &Quiet).is_err());
+    }
 }

@@ -32,6 +32,15 @@ pub(crate) struct Stop {
     pub(crate) tolerance: f64,
 }
 
+/// How a sweep steps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Step {
+    /// Quasi-Newton: to a minimum in the fewest sweeps.
+    Combined,
+    /// Majorisation alone: a path that turns nowhere, for those who do not go to its end.
+    Plain,
+}
+
 /// Points, one column per dimension, with the stress after each sweep (mean over pairs; the first entry is the start's).
 #[derive(Clone, Debug)]
 pub(crate) struct Scaled {
@@ -300,11 +309,11 @@ fn direction(r: &Mat<f64>, history: &VecDeque<Pair>) -> Mat<f64> {
 /// `distances` is a full symmetric n x n matrix, positive off the diagonal; `start` has n rows and 4, 8, 12 or 16 columns. `swept` is called
 /// after each sweep. A sweep costs O(n^2 D), the set-up O(n^3).
 pub(crate) fn smacof(distances: &[f64], start: Mat<f64>, stop: Stop, swept: impl FnMut()) -> Result<Scaled> {
-    Ok(descend(&Problem::new(distances, start.nrows())?, start, stop, swept))
+    Ok(descend(&Problem::new(distances, start.nrows())?, start, Step::Combined, stop, swept))
 }
 
 /// [`smacof`] for a problem that has been set up.
-pub(crate) fn descend(problem: &Problem, start: Mat<f64>, stop: Stop, mut swept: impl FnMut()) -> Scaled {
+pub(crate) fn descend(problem: &Problem, start: Mat<f64>, steps: Step, stop: Stop, mut swept: impl FnMut()) -> Scaled {
     let mut x = start;
     let (mut stress, mut b) = problem.evaluate(&x);
     let mut trace = vec![stress];
@@ -334,7 +343,7 @@ pub(crate) fn descend(problem: &Problem, start: Mat<f64>, stop: Stop, mut swept:
         let v_change = plus(&plus(&next_vx, -1.0, &next_b), -1.0, &plus(&vx, -1.0, &b));
         let v_step = plus(&next_vx, -1.0, &vx);
         let curvature = dot(&step, &v_change);
-        if curvature > 1e-12 * dot(&step, &v_step) && dot(&change, &v_change) > 0.0 {
+        if steps == Step::Combined && curvature > 1e-12 * dot(&step, &v_step) && dot(&change, &v_change) > 0.0 {
             history.push_back(Pair { step, v_step, change, v_change, curvature });
             if history.len() > HISTORY {
                 history.pop_front();
