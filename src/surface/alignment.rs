@@ -28,7 +28,7 @@ const FOLDS: usize = 5;
 pub struct AlignmentOptions {
     /// What the target's embedding was made with.
     pub embedding: EmbeddingOptions,
-    /// How often the target is sent to the source and scaled again. Default 2; more change next to nothing.
+    /// How often the target is sent to the source and scaled again. Default 1: in what was measured a second time was no better (docs/methods.md).
     pub rounds: usize,
     /// Sweeps of each scaling, by majorisation alone. Default 3: more lose the agreement again before they gain anything (docs/methods.md).
     pub sweeps: usize,
@@ -41,7 +41,7 @@ pub struct AlignmentOptions {
 
 impl Default for AlignmentOptions {
     fn default() -> Self {
-        Self { embedding: EmbeddingOptions::default(), rounds: 2, sweeps: 3, relax: true, gain: 0.05 }
+        Self { embedding: EmbeddingOptions::default(), rounds: 1, sweeps: 3, relax: true, gain: 0.05 }
     }
 }
 
@@ -71,10 +71,10 @@ pub struct Alignment {
 
 /// Aligns the target's embedding with the source's, for [`Method::Field`] through `anchors`.
 ///
-/// The field sends the landmarks of the target to the source; the scaling of the target starts again from where they are in the source's embedding, with the target's own distances, for a few sweeps, and the other
-/// vertices follow as a least-squares mesh; that twice. An anchor that took part in this is met better whether the alignment is right or not, so that leaving it out of the predictions alone
-/// flatters the alignment. Here a fifth of the anchors at a time is left out of everything: alignment, predictions, relaxation. The field misses them by some distance with either embedding, and the
-/// alignment, then made with all anchors, is kept only if that is less by [`AlignmentOptions::gain`] and not by chance.
+/// The field sends the landmarks of the target to the source; the scaling of the target starts again from where they are in the source's embedding, with the target's own distances, for a few
+/// sweeps, and the other vertices follow as a least-squares mesh. An anchor that took part in this is met better whether the alignment is right or not, so that leaving it out of the predictions
+/// alone flatters the alignment. Here a fifth of the anchors at a time is left out of everything: alignment, predictions, relaxation. The field misses them by some distance with either embedding,
+/// and the alignment, then made with all anchors, is kept only if that is less by [`AlignmentOptions::gain`] and not by chance.
 ///
 /// A component of the target whose landmarks go to several components of the source is scaled from where it was. Mirrored pairs need no care: distances do not know them. Deterministic for any
 /// number of threads. Costs the distances of the embedding once more, six times [`AlignmentOptions::rounds`] fields, scalings and least-squares meshes, and ten fields.

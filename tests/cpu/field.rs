@@ -11,7 +11,7 @@ use barymap::progress::Quiet;
 use barymap::surface::anchors::vertex_point;
 use barymap::surface::correspondence::{CorrespondenceOptions, Method, Shape, correspondence};
 use barymap::surface::quality::summarise;
-use barymap::surface::{AnchorPairs, Embedding, EmbeddingOptions};
+use barymap::surface::{AlignmentOptions, AnchorPairs, Embedding, EmbeddingOptions, align};
 use barymap::tools::vertex_map::{VertexMap, vertex_map};
 use glam::DVec3;
 
@@ -20,13 +20,21 @@ struct Pair {
     target: (Mesh, Topology, Embedding),
 }
 
+fn shape(s: &(Mesh, Topology, Embedding)) -> Shape<'_> {
+    Shape { mesh: &s.0, topology: &s.1, embedding: Some(&s.2) }
+}
+
+/// How a pair is embedded.
+fn embedding() -> EmbeddingOptions {
+    EmbeddingOptions { landmarks: 400, ..EmbeddingOptions::default() }
+}
+
 impl Pair {
     /// Meshes of the same connectivity.
     fn new(source: Mesh, target: Mesh) -> Self {
         let side = |mesh: Mesh| {
             let topology = Topology::new(&mesh);
-            let options = EmbeddingOptions { landmarks: 400, ..EmbeddingOptions::default() };
-            let embedding = Embedding::compute(&mesh, &topology, &options, &Quiet).unwrap();
+            let embedding = Embedding::compute(&mesh, &topology, &embedding(), &Quiet).unwrap();
             (mesh, topology, embedding)
         };
         Self { source: side(source), target: side(target) }
@@ -36,15 +44,17 @@ impl Pair {
         farthest_points(&Geodesics::new(&self.target.0.positions, &self.target.0.triangles()), 0, n)
     }
 
-    /// The errors at all vertices of triangles, and the map.
-    fn map(&self, method: Method, vertices: &[u32]) -> (Vec<f64>, VertexMap) {
-        fn shape(s: &(Mesh, Topology, Embedding)) -> Shape<'_> {
-            Shape { mesh: &s.0, topology: &s.1, embedding: Some(&s.2) }
-        }
+    /// These vertices as anchors.
+    fn anchors(&self, vertices: &[u32]) -> AnchorPairs {
         let points = |s: &(Mesh, Topology, Embedding)| {
             vertices.iter().map(|&v| vertex_point(&s.0, &s.1, v, "anchor").unwrap()).collect()
         };
-        let anchors = AnchorPairs { source: points(&self.source), target: points(&self.target) };
+        AnchorPairs { source: points(&self.source), target: points(&self.target) }
+    }
+
+    /// The errors at all vertices of triangles, and the map.
+    fn map(&self, method: Method, vertices: &[u32]) -> (Vec<f64>, VertexMap) {
+        let anchors = self.anchors(vertices);
         let options = CorrespondenceOptions { method, ..CorrespondenceOptions::default() };
         let map = correspondence(shape(&self.source), shape(&self.target), &anchors, &options).unwrap();
         let (s, t) = (&self.source, &self.target);
@@ -80,10 +90,9 @@ impl Pair {
     }
 }
 
-#[test]
-fn a_body_bent_by_half_a_turn() {
-    // A lumpy body of length 12 and width 2, and the same bent into a U: along its inner side it shrinks by a quarter.
-    let mut straight = lobed_sphere(5, 0.25);
+/// A lumpy body of length 12 and width 2, and the same bent into a U: along its inner side it shrinks by a quarter.
+fn half_a_turn(level: u32) -> [Mesh; 2] {
+    let mut straight = lobed_sphere(level, 0.25);
     straight.positions.iter_mut().for_each(|p| p.x *= 6.0);
     let mut bent = straight.clone();
     let radius = 12.0 / std::f64::consts::PI;
@@ -92,10 +101,39 @@ fn a_body_bent_by_half_a_turn() {
         let (sin, cos) = angle.sin_cos();
         *p = DVec3::new((radius + p.y) * sin, (radius + p.y) * cos, p.z);
     }
+    [straight, bent]
+}
+
+#[test]
+fn a_body_bent_by_half_a_turn() {
+    let [straight, bent] = half_a_turn(5);
     let pair = Pair::new(straight, bent);
     for anchors in [27, 64] {
         pair.check("half a turn", anchors, 0.5);
     }
+}
+
+#[test]
+fn an_alignment_that_is_kept_mends_a_change_of_pose() {
+    let [straight, bent] = half_a_turn(4);
+    let mut pair = Pair::new(bent, straight);
+    let mut kept = 0;
+    for anchors in [21, 64] {
+        let vertices = pair.spread(anchors);
+        let before = summarise(&pair.map(Method::Field, &vertices).0);
+        let options = AlignmentOptions { embedding: embedding(), ..AlignmentOptions::default() };
+        let made = align(shape(&pair.source), shape(&pair.target), &pair.anchors(&vertices), &options, &Quiet).unwrap();
+        let r = made.report;
+        println!("half a turn back, {anchors}: mean {:.5} p95 {:.5}, {r:?}", before.mean, before.p95);
+        let Some(aligned) = made.embedding else { continue };
+        let own = std::mem::replace(&mut pair.target.2, aligned);
+        let after = summarise(&pair.map(Method::Field, &vertices).0);
+        pair.target.2 = own;
+        println!("aligned: mean {:.5} p95 {:.5}", after.mean, after.p95);
+        assert!(after.mean < 0.85 * before.mean, "{} {}", after.mean, before.mean);
+        kept += 1;
+    }
+    assert!(kept > 0);
 }
 
 /// The surface of unit cubes, each square cut in `parts` x `parts`, smoothed.
