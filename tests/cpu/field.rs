@@ -114,26 +114,20 @@ fn a_body_bent_by_half_a_turn() {
 }
 
 #[test]
-fn an_alignment_that_is_kept_mends_a_change_of_pose() {
+fn an_alignment_that_makes_the_map_worse_is_not_kept() {
     let [straight, bent] = half_a_turn(4);
-    let mut pair = Pair::new(bent, straight);
-    let mut kept = 0;
-    for anchors in [21, 64] {
-        let vertices = pair.spread(anchors);
-        let before = summarise(&pair.map(Method::Field, &vertices).0);
-        let options = AlignmentOptions { embedding: embedding(), ..AlignmentOptions::default() };
-        let made = align(shape(&pair.source), shape(&pair.target), &pair.anchors(&vertices), &options, &Quiet).unwrap();
-        let r = made.report;
-        println!("half a turn back, {anchors}: mean {:.5} p95 {:.5}, {r:?}", before.mean, before.p95);
-        let Some(aligned) = made.embedding else { continue };
-        let own = std::mem::replace(&mut pair.target.2, aligned);
-        let after = summarise(&pair.map(Method::Field, &vertices).0);
-        pair.target.2 = own;
-        println!("aligned: mean {:.5} p95 {:.5}", after.mean, after.p95);
-        assert!(after.mean < 0.85 * before.mean, "{} {}", after.mean, before.mean);
-        kept += 1;
-    }
-    assert!(kept > 0);
+    let mut pair = Pair::new(straight, bent);
+    let vertices = pair.spread(21);
+    let before = summarise(&pair.map(Method::Field, &vertices).0);
+    // What the anchors left out say is in the report; here the embedding is wanted all the same.
+    let always = AlignmentOptions { embedding: embedding(), gain: f64::NEG_INFINITY, ..AlignmentOptions::default() };
+    let made = align(shape(&pair.source), shape(&pair.target), &pair.anchors(&vertices), &always, &Quiet).unwrap();
+    pair.target.2 = made.embedding.unwrap();
+    let after = summarise(&pair.map(Method::Field, &vertices).0);
+    println!("half a turn, 21: mean {:.5}, aligned {:.5}, {:?}", before.mean, after.mean, made.report);
+    assert!(after.mean > 1.1 * before.mean, "{} {}", after.mean, before.mean);
+    // Two standard errors are asked for.
+    assert!(made.report.standard_errors < 2.0);
 }
 
 /// The surface of unit cubes, each square cut in `parts` x `parts`, smoothed.
