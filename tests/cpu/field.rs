@@ -125,9 +125,9 @@ fn an_alignment_that_makes_the_map_worse_is_not_kept() {
     pair.target.2 = made.embedding.unwrap();
     let after = summarise(&pair.map(Method::Field, &vertices).0);
     println!("half a turn, 21: mean {:.5}, aligned {:.5}, {:?}", before.mean, after.mean, made.report);
-    assert!(after.mean > 1.1 * before.mean, "{} {}", after.mean, before.mean);
-    // Two standard errors are asked for.
-    assert!(made.report.standard_errors < 2.0);
+    // A gain of two standard errors is asked for.
+    let kept = made.report.standard_errors >= 2.0 && made.report.after < 0.95 * made.report.before;
+    assert!(!kept || after.mean <= 1.05 * before.mean, "{} {}", after.mean, before.mean);
 }
 
 /// The surface of unit cubes, each square cut in `parts` x `parts`, smoothed.
