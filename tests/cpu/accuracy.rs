@@ -3,7 +3,7 @@
 //! Errors are distances in space between image and truth over the square root of the source's area.
 
 use barymap::geometry::sampling::farthest_points;
-use barymap::geometry::{Geodesics, Mesh, SurfacePoint, Topology};
+use barymap::geometry::{Geodesics, March, Mesh, SurfacePoint, Topology};
 use barymap::progress::Quiet;
 use barymap::surface::anchors::vertex_point;
 use barymap::surface::correspondence::{CorrespondenceOptions, Method, Precision, Shape, correspondence};
@@ -300,6 +300,32 @@ fn the_field_is_nearer_to_the_truth_than_every_other_method() {
     let mean = sums.map(|s| f64::exp(s / runs));
     println!("geometric means of mean error and 95th percentile, over rbf and averages: {mean:.3?}");
     assert!(mean[0] <= 0.6 && mean[1] <= 0.35 && mean[2] <= 0.6 && mean[3] <= 0.35, "{mean:?}");
+}
+
+#[test]
+#[ignore = "needs BARYMAP_DATA"]
+fn a_cluster_of_anchors_spoils_nothing_elsewhere() {
+    let foxes = ["run", "rest", "survey"].map(|w| Embedded::read(&format!("gt/fox_same/fox_{w}.obj")));
+    for (source, target) in [(&foxes[0], &foxes[1]), (&foxes[1], &foxes[0]), (&foxes[0], &foxes[2])] {
+        let spread = target.spread(16);
+        // Forty more around one of them: every third of the vertices nearest to it.
+        let mut march = March::default();
+        Geodesics::new(&target.mesh.positions, &target.mesh.triangles()).distances_from(spread[1], &mut march);
+        let mut near: Vec<u32> = (0..target.mesh.vertex_count() as u32).collect();
+        near.sort_by(|&a, &b| march.distances[a as usize].total_cmp(&march.distances[b as usize]).then(a.cmp(&b)));
+        let mut clustered = spread.clone();
+        clustered.extend(near.iter().skip(3).step_by(3).take(40).filter(|v| !spread.contains(v)));
+        let error = |vertices: &[u32]| Pair::same(source, target, vertices).map(Method::Field).error.mean;
+        let (few, more) = (error(&spread), error(&clustered));
+        println!(
+            "{} to {}: {} anchors {few:.4}, with a cluster {} anchors {more:.4}",
+            source.mesh.name,
+            target.mesh.name,
+            spread.len(),
+            clustered.len()
+        );
+        assert!(more <= few, "{more} {few}");
+    }
 }
 
 #[test]

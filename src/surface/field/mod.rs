@@ -130,6 +130,8 @@ struct Predicted<'a, const K: usize> {
     image: &'a (dyn Fn(usize) -> Vector<f64, K> + Sync),
     /// The image of each anchor.
     anchors: Vec<Vector<f64, K>>,
+    /// How many of them lie apart.
+    apart: usize,
     /// What a unit of length in space is there.
     unit: f64,
     /// The error to be expected of the images, in space at unit area.
@@ -156,6 +158,7 @@ impl<S: Real> Field<S, 4> {
             source: (0..source.mesh.vertex_count()).map(|v| place(shapes.source_position(v))).collect(),
             image: &|v| place(warp.apply(shapes.target_position(v))),
             anchors: to.into_iter().map(place).collect(),
+            apart: anchors.len(),
             unit: 1.0,
             error: usual_error(anchors.len()),
         };
@@ -205,6 +208,7 @@ impl<S: Real, const K: usize> Field<S, K> {
             source: (0..shapes.source.mesh.vertex_count()).map(row).collect(),
             image: &image,
             anchors: known.b.iter().zip(&known.t).map(|(b, t)| joined(b, lambda, t.to_array())).collect(),
+            apart: judges.as_ref().map_or(known.a.len(), |j| j.a.len()),
             unit: lambda,
             error: if spatial.error().is_finite() { spatial.error() } else { usual_error(known.a.len()) },
         };
@@ -255,7 +259,7 @@ impl<S: Real, const K: usize> Field<S, K> {
             Ok::<_, Error>((surface, vertices))
         };
         let ties: Vec<Tie> = anchors.target.iter().map(|p| (triangles[p.face as usize], p.barycentric)).collect();
-        let factors = || relaxed.then(|| factors(&shapes.bending, &ties)).transpose();
+        let factors = || relaxed.then(|| factors(&shapes.bending, &ties, predicted.apart)).transpose();
         let image = |v: usize| if shapes.used[v] { (predicted.image)(v) } else { [0.0; K] };
         let images = || -> Vec<Vector<f64, K>> { (0..shapes.used.len()).into_par_iter().map(image).collect() };
         let ((surface, factors), mut z) = rayon::join(|| rayon::join(surface, factors), images);

@@ -36,9 +36,9 @@ pub(super) fn stiffness(anchors: usize) -> f64 {
     (BEND / (anchors.max(1) as f64).sqrt()).powi(4)
 }
 
-/// The smoothing systems of all stages: sequential factorisations, side by side.
-pub(super) fn factors(bending: &Bending, ties: &[Tie]) -> Result<Vec<SparseCholesky>> {
-    let (stiffest, weight) = (stiffness(ties.len()), pin_weight(bending));
+/// The smoothing systems of all stages, of which `apart` anchors lie apart: sequential factorisations, side by side.
+pub(super) fn factors(bending: &Bending, ties: &[Tie], apart: usize) -> Result<Vec<SparseCholesky>> {
+    let (stiffest, weight) = (stiffness(apart), pin_weight(bending));
     STAGES.par_iter().map(|(part, _)| bending.factorise(stiffest * part, ties, weight)).collect()
 }
 

@@ -18,10 +18,13 @@ const NEAR: f64 = 0.05;
 const CLEARER: f64 = 2.0;
 /// A given pair that is farther off than this is not meant there, over the square root of the area.
 const ELSEWHERE: f64 = 0.03;
+/// Crumbs of more components than this are not compared: each looks at all others.
+const MOST_COMPONENTS: usize = 1000;
 /// Vertices of the source that are tried as the image of the first one, the nearest to where the map sends it.
 const STARTS: usize = 16;
 
-/// For each vertex of the target the vertex of the source it is, or [`NONE`] where the connectivities differ or do not tell.
+/// For each vertex of the target the vertex of the source it is, or [`NONE`] where the connectivities differ or do not tell. O(F log F) and, for each component, a look at all vertices of one colour and at
+/// most `2 STARTS` walks for each triangle around a vertex.
 pub(super) fn same_vertices(couple: &Couple<'_>, images: &[Option<SurfacePoint>]) -> Vec<u32> {
     let [source, target] = &couple.sides;
     let (from, to) = (target.topology, source.topology);
@@ -35,15 +38,22 @@ pub(super) fn same_vertices(couple: &Couple<'_>, images: &[Option<SurfacePoint>]
     let mut walker = Walker::new(from, to);
     let mut used = vec![false; other_sizes.len()];
     let mut same = vec![NONE; own.len()];
+    if sizes.len() > MOST_COMPONENTS {
+        return same;
+    }
     for (component, first) in rarest(from, &own).into_iter().enumerate() {
         let Some(place) = places[first as usize] else { continue };
         let component_of = |w: u32| to.vertex_component[w as usize] as usize;
         let mut starts: Vec<u32> = by_colour.get(&own[first as usize]).cloned().unwrap_or_default();
         starts.retain(|&w| !used[component_of(w)] && other_sizes[component_of(w)] == sizes[component]);
         let apart = |w: u32| source.positions[w as usize].distance_squared(place);
-        starts.sort_by(|&x, &y| apart(x).total_cmp(&apart(y)).then(x.cmp(&y)));
-        starts.truncate(STARTS);
-        let mut ways = Vec::new();
+        let nearer = |x: &u32, y: &u32| apart(*x).total_cmp(&apart(*y)).then(x.cmp(y));
+        if starts.len() > STARTS {
+            starts.select_nth_unstable_by(STARTS, nearer);
+            starts.truncate(STARTS);
+        }
+        starts.sort_by(nearer);
+        let (mut best, mut next) = ((f64::INFINITY, Vec::new()), f64::INFINITY);
         for (a, b) in
             starts.iter().flat_map(|&w| darts(from, first).take(1).flat_map(move |a| darts(to, w).map(move |b| (a, b))))
         {
@@ -51,12 +61,19 @@ pub(super) fn same_vertices(couple: &Couple<'_>, images: &[Option<SurfacePoint>]
                 let Some(pairs) = walker.walk(a, b, mirrored).filter(|p| p.len() == sizes[component].0) else {
                     continue;
                 };
-                ways.push((off(&pairs, &places, couple), pairs));
+                let off = off(&pairs, &places, couple);
+                if off < best.0 {
+                    next = best.0;
+                    best = (off, pairs);
+                } else {
+                    next = next.min(off);
+                }
             }
         }
-        ways.sort_by(|x, y| x.0.total_cmp(&y.0));
-        let clear = |best: f64| best <= NEAR && ways.get(1).is_none_or(|next| next.0 > CLEARER * best);
-        let Some((_, pairs)) = ways.first().filter(|w| clear(w.0)) else { continue };
+        let (off, pairs) = best;
+        if pairs.is_empty() || off > NEAR || next <= CLEARER * off {
+            continue;
+        }
         used[component_of(pairs[0].1)] = true;
         pairs.iter().for_each(|&(v, w)| same[v as usize] = w);
     }
