@@ -2,10 +2,9 @@
 //!
 //! Where both meshes have the same connectivity (a character and its posed copy, whatever the numbers of its vertices) the pairs are the vertices themselves.
 //!
-//! Else: a pair taken from the current map says nothing new, so every proposal rests on the relief of both surfaces: how each differs from smoothed copies of itself. *Patches* of the
-//! target are looked for on the source around where the map sends them; those found without a rival, and that move as their neighbours do, make a better map, in which they are
-//! looked for again. Then the images are *registered*: they slide over the source until the relief around image and vertex agree, smoothly, given pairs held; places are
-//! taken far from one another where the registrations in both directions agree.
+//! Else a pair taken from the current map says nothing new, so every proposal rests on the relief of both surfaces: how each differs from smoothed copies of itself. The images of the map by the
+//! given pairs are *registered*: they slide over the source until the relief around image and vertex agree, smoothly, given pairs held; places are taken far from one another where the registrations in
+//! both directions agree.
 
 mod connectivity;
 mod extremities;
@@ -110,7 +109,7 @@ impl Default for AnchorOptions {
 /// A full set of anchors from `seeds`, which may be empty: then tips of limbs are matched first ([`Proposal::ambiguity`] tells what that left open).
 ///
 /// Given pairs are kept as they are. Fewer than `count` are proposed where the surfaces have no more features in common. The same input gives the same
-/// pairs for any number of threads. About twelve maps by the method `field` and two registrations: a minute for 13,000 vertices on two cores.
+/// pairs for any number of threads. A few maps by the method `field`, and two registrations where the connectivities differ: seconds for 13,000 vertices on two cores.
 ///
 /// # Errors
 /// [`Error::Option`] for a count of 0 or above [`MOST`]; [`Error::Input`] if the surfaces have different numbers of components, if there are no seeds and fewer

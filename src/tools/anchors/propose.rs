@@ -124,7 +124,9 @@ pub(super) fn propose(
         let registered = (known < used).then(|| registered(couple, seeds, &images, growing.handedness, progress));
         let registered = registered.transpose()?;
         place(&mut growing, &same, registered.as_ref(), options, spacing);
-        growing.drop_contradicted(given)?;
+        if registered.is_some() {
+            growing.drop_contradicted(given)?;
+        }
         progress.advance(1);
     }
     let mut pairs = growing.pairs;
