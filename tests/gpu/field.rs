@@ -17,8 +17,9 @@ fn field<S: barymap::engine::Real>(scene: &Scene, confidence: bool) -> Field<S, 
 }
 
 fn agree(engine: &Engine, scene: &Scene) {
-    let device = DeviceMap::<Field<f32, 12>>::new(engine, field(scene, true)).unwrap();
-    let truth = field::<f64>(scene, true);
+    let made = field::<f32>(scene, true);
+    let truth = made.in_double();
+    let device = DeviceMap::<Field<f32, 12>>::new(engine, made).unwrap();
     let surface = truth.source();
     check(&device, (&|p| truth.map_point(p), surface), &scene.points(4000), P99);
 }

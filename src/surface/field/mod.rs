@@ -362,6 +362,26 @@ impl<S: Real, const K: usize> Field<S, K> {
         &self.z
     }
 
+    /// The same field, its images as they are rounded, projected in double precision: what the decisions of single precision are judged by. (The repair looks at projections, so that a field
+    /// *made* in double precision may have other images at a few vertices.)
+    pub fn in_double(&self) -> Field<f64, K> {
+        Field {
+            source: self.reference.clone(),
+            reference: self.reference.clone(),
+            vertices: NearestVertex::new(&self.reference),
+            triangles: self.triangles.clone(),
+            z: self.z.iter().map(cast).collect(),
+            starts: self.starts.clone(),
+            start_faces: self.start_faces.clone(),
+            drift: self.drift.clone(),
+            turned: self.turned.clone(),
+            relief: self.relief.clone(),
+            unit: self.unit,
+            trust: self.trust,
+            report: self.report.clone(),
+        }
+    }
+
     /// Where the search for the image of a point of a triangle of the target starts: three vertices of the source and a triangle.
     pub fn starts_of(&self, face: u32) -> [u32; 4] {
         let [a, b, c] = self.triangles[face as usize].map(|v| self.starts[v as usize]);
