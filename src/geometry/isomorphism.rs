@@ -241,9 +241,8 @@ mod tests {
         assert!(all(&topology, &other).is_empty());
         // A failed attempt leaves nothing behind.
         let mut walker = Walker::new(&topology, &topology);
-        let far = first(&topology, 7);
-        let one = walker.walk(first(&topology, 0), far, false);
-        assert!(walker.walk(first(&topology, 0), first(&topology, 0), false).is_some() || one.is_some());
+        walker.walk(first(&topology, 0), first(&topology, 7), false);
+        assert!(walker.walk(first(&topology, 0), first(&topology, 0), false).is_some());
         assert!(walker.image.iter().chain(&walker.preimage).all(|x| *x == NONE));
         assert!(walker.taken.iter().all(|t| !t) && walker.triangles.iter().all(|t| t.0 == NONE));
     }

@@ -114,7 +114,7 @@ fn a_body_bent_by_half_a_turn() {
 }
 
 #[test]
-fn an_alignment_that_makes_the_map_worse_is_not_kept() {
+fn an_alignment_that_is_kept_does_not_make_the_map_worse() {
     let [straight, bent] = half_a_turn(4);
     let mut pair = Pair::new(straight, bent);
     let vertices = pair.spread(21);
