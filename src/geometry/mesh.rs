@@ -37,7 +37,12 @@ pub struct Mesh {
     pub materials: Vec<Material>,
     /// Group or object names, referred to by polygons.
     pub groups: Vec<String>,
+    /// With vertices joined: every vertex is the one that stands for it.
     corners: Vec<Corner>,
+    /// The vertex of each corner as the file has it; empty where no vertices are joined.
+    file_vertices: Vec<u32>,
+    /// The vertex that stands for each vertex; empty where no vertices are joined.
+    representatives: Vec<u32>,
     /// First corner of each polygon, and the number of corners at the end.
     polygon_start: Vec<u32>,
     polygon_material: Vec<u32>,
@@ -160,6 +165,71 @@ impl Mesh {
         sum / (3 * n) as f64
     }
 
+    /// Joins vertices: `representatives[v]` stands for `v` in everything that is computed.
+    ///
+    /// Files repeat a vertex where texture coordinates or normals differ, or for every face. The surface is one
+    /// there. Vertices keep their numbers and positions. Corners, and so triangles and topology, name the
+    /// representative. What it stands for becomes a vertex of no triangle, and [`Mesh::file_polygon`] still
+    /// gives the corners of the file. A second call replaces the first. O(corners).
+    ///
+    /// # Panics
+    /// If the length differs from the number of vertices, a representative comes after a vertex that it stands
+    /// for, or does not stand for itself.
+    pub fn join(&mut self, representatives: Vec<u32>) {
+        assert_eq!(representatives.len(), self.positions.len(), "one representative a vertex");
+        for (v, &r) in representatives.iter().enumerate() {
+            assert!(r as usize <= v && representatives[r as usize] == r, "vertex {v} is represented by {r}");
+        }
+        if self.file_vertices.is_empty() {
+            self.file_vertices = self.corners.iter().map(|c| c.vertex).collect();
+        }
+        for (corner, &v) in self.corners.iter_mut().zip(&self.file_vertices) {
+            corner.vertex = representatives[v as usize];
+        }
+        self.representatives = representatives;
+        if !self.has_joined_vertices() {
+            (self.file_vertices, self.representatives) = (Vec::new(), Vec::new());
+        }
+    }
+
+    /// Whether a vertex stands for another one.
+    pub fn has_joined_vertices(&self) -> bool {
+        self.representatives.iter().enumerate().any(|(v, &r)| v != r as usize)
+    }
+
+    /// The vertex that stands for `v` in everything that is computed: the lowest of those joined with it, or
+    /// `v` itself.
+    pub fn representative(&self, v: u32) -> u32 {
+        self.representatives.get(v as usize).copied().unwrap_or(v)
+    }
+
+    /// Gives every joined vertex what its representative has. `values` holds one entry a vertex.
+    pub fn spread<T: Clone>(&self, values: &mut [T]) {
+        for v in 0..self.representatives.len().min(values.len()) {
+            let r = self.representatives[v] as usize;
+            if r != v {
+                values[v] = values[r].clone();
+            }
+        }
+    }
+
+    /// The corners of polygon `p` with the vertices of the file, joined or not: what a writer needs.
+    pub fn file_polygon(&self, p: usize) -> impl ExactSizeIterator<Item = Corner> + '_ {
+        let range = self.polygon_start[p] as usize..self.polygon_start[p + 1] as usize;
+        range.map(|c| {
+            let vertex = self.file_vertices.get(c).copied().unwrap_or(self.corners[c].vertex);
+            Corner { vertex, ..self.corners[c] }
+        })
+    }
+
+    /// The three corners of triangle `t` with the vertices of the file, joined or not.
+    pub fn file_triangle_corners(&self, t: usize) -> [Corner; 3] {
+        self.triangles[t].map(|c| {
+            let corner = self.corners[c as usize];
+            Corner { vertex: self.file_vertices.get(c as usize).copied().unwrap_or(corner.vertex), ..corner }
+        })
+    }
+
     /// Smallest and largest coordinates of the used vertices; `None` without any.
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
         self.corners.iter().map(|c| self.positions[c.vertex as usize]).fold(None, |b, p| match b {
@@ -228,5 +298,40 @@ impl MeshBuilder {
         assert!(m.polygon_material.iter().all(|&i| ok(i, m.materials.len())), "material out of range");
         assert!(m.polygon_group.iter().all(|&i| ok(i, m.groups.len())), "group out of range");
         m
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A square of two triangles, each with its own three vertices.
+    fn halves() -> Mesh {
+        let p = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+        let positions = p.map(|[x, y]| DVec3::new(x, y, 0.0)).to_vec();
+        Mesh::from_triangles("halves", positions, &[[0, 1, 2], [3, 4, 5]])
+    }
+
+    #[test]
+    fn joined_vertices_are_one_in_triangles_and_two_in_the_file() {
+        let mut mesh = halves();
+        mesh.join(vec![0, 1, 2, 0, 2, 5]);
+        assert_eq!(mesh.triangles(), [[0, 1, 2], [0, 2, 5]]);
+        assert_eq!(mesh.file_polygon(1).map(|c| c.vertex).collect::<Vec<_>>(), [3, 4, 5]);
+        assert_eq!(mesh.file_triangle_corners(1).map(|c| c.vertex), [3, 4, 5]);
+        assert_eq!((mesh.representative(4), mesh.representative(5)), (2, 5));
+        let mut values = [10, 11, 12, 13, 14, 15];
+        mesh.spread(&mut values);
+        assert_eq!(values, [10, 11, 12, 10, 12, 15]);
+        // Joining anew starts from the file.
+        mesh.join(vec![0, 1, 2, 3, 4, 5]);
+        assert_eq!(mesh.triangles(), [[0, 1, 2], [3, 4, 5]]);
+        assert!(!mesh.has_joined_vertices());
+    }
+
+    #[test]
+    #[should_panic(expected = "represented")]
+    fn chains_of_representatives_are_refused() {
+        halves().join(vec![0, 0, 1, 3, 4, 5]);
     }
 }
