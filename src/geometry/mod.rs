@@ -16,6 +16,8 @@ pub mod surface_point;
 pub mod tangent_frames;
 pub mod texcoords;
 pub mod topology;
+pub(crate) mod union_find;
+pub mod weld;
 
 pub use closest::ClosestPoints;
 pub use diagnosis::Diagnosis;
@@ -27,3 +29,4 @@ pub use polygon::{Defect, Polygon, Side};
 pub use simplify::{Simplified, SimplifyOptions, simplify};
 pub use surface_point::SurfacePoint;
 pub use topology::Topology;
+pub use weld::{Weld, Welded};
