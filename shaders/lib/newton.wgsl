@@ -5,13 +5,9 @@
 // How far outside a triangle a root may lie; psi::slack.
 const SLACK: f32 = 1e-4;
 const NEWTON_STEPS: u32 = 12u;
-// Iterates that overshot a vertex and what they are pulled back to; psi::NEAR_VERTEX, psi::PULLED.
-const NEAR_VERTEX: f32 = 0.05;
-const PULLED: f32 = 0.02;
 const EPSILON: f32 = 1.1920928955078125e-7;
 
-// Q_kj = G_k T_i(k) (v_j - ybar) as the columns j of one matrix for each k, and P_ii, which vanishes where vertex i
-// itself is a projection.
+// Q_kj = G_k T_i(k) (v_j - ybar) as the columns j of one matrix for each k, and where the iteration starts.
 struct System {
     q0: mat3x2f,
     q1: mat3x2f,
@@ -19,10 +15,28 @@ struct System {
     q3: mat3x2f,
     q4: mat3x2f,
     q5: mat3x2f,
+    start: vec3f,
 }
 
 fn tangential(t: Corner, d0: Vector, d1: Vector, d2: Vector) -> mat3x2f {
     return mat3x2f(dot_vector(t.a, d0), dot_vector(t.b, d0), dot_vector(t.a, d1), dot_vector(t.b, d1), dot_vector(t.a, d2), dot_vector(t.b, d2));
+}
+
+// The projection onto the flat triangle, reflected into it where it lies outside; psi::start. `d`: v_2 - ybar.
+fn flat_projection(e: Vector, f: Vector, d: Vector) -> vec3f {
+    let ee = dot_vector(e, e);
+    let ef = dot_vector(e, f);
+    let ff = dot_vector(f, f);
+    let determinant = ee * ff - ef * ef;
+    if !(determinant > EPSILON * ee * ff) {
+        return vec3f(1.0 / 3.0);
+    }
+    let de = dot_vector(e, d);
+    let df = dot_vector(f, d);
+    let x = (ef * df - ff * de) / determinant;
+    let y = (ef * de - ee * df) / determinant;
+    let inside = max(abs(vec3f(x, y, 1.0 - x - y)), vec3f(EPSILON));
+    return inside / (inside.x + inside.y + inside.z);
 }
 
 fn phong_system(vertices: texture_2d<u32>, triangles: texture_2d<u32>, face: u32, head: vec4u, mean: Vector) -> System {
@@ -36,7 +50,8 @@ fn phong_system(vertices: texture_2d<u32>, triangles: texture_2d<u32>, face: u32
     let p0 = tangential(t0, d0, d1, d2);
     let p1 = tangential(t1, d0, d1, d2);
     let p2 = tangential(t2, d0, d1, d2);
-    return System(g.g0 * p0, g.g1 * p1, g.g2 * p1, g.g3 * p2, g.g4 * p2, g.g5 * p0);
+    let start = flat_projection(sub_vector(t0.y, t2.y), sub_vector(t1.y, t2.y), d2);
+    return System(g.g0 * p0, g.g1 * p1, g.g2 * p1, g.g3 * p2, g.g4 * p2, g.g5 * p0, start);
 }
 
 struct Root {
@@ -120,9 +135,8 @@ fn vertex_root(system: System, x: vec3f) -> Root {
 }
 
 fn project_triangle(system: System, patience: f32) -> Root {
-    var x = vec3f(1.0 / 3.0);
+    var x = system.start;
     var last = 1e30;
-    var pulled = false;
     for (var i = 0u; i < NEWTON_STEPS; i++) {
         let step = newton_step(system, x);
         if !step.sound {
@@ -132,19 +146,13 @@ fn project_triangle(system: System, patience: f32) -> Root {
         if min(x.x, min(x.y, x.z)) < -patience {
             return Root(x, false);
         }
-        if x.x * x.y + x.y * x.z + x.z * x.x <= AT_VERTEX {
-            let root = vertex_root(system, x);
-            if root.inside || pulled || min(x.x, min(x.y, x.z)) < -NEAR_VERTEX {
-                return root;
-            }
-            pulled = true;
-            let inner = max(x, vec3f(PULLED));
-            x = inner / (inner.x + inner.y + inner.z);
-            last = 1e30;
-            continue;
+        // Beyond a vertex s is negative and Psi as smooth as before it; only on the pole there is no next step.
+        let s = abs(x.x * x.y + x.y * x.z + x.z * x.x);
+        if s <= AT_VERTEX {
+            return vertex_root(system, x);
         }
         let size = largest(step.d);
-        if size <= 8.0 * EPSILON || (size <= 1e-4 && size * size <= EPSILON && last < 1e30) {
+        if size <= 8.0 * EPSILON || (size <= 1e-4 && size * size <= EPSILON * s && last < 1e30) {
             return inside_or_not(x);
         }
         last = size;

@@ -214,6 +214,7 @@ impl Batch<'_> {
         pass.set_pipeline(&pipeline.pipeline);
         pass.set_bind_group(0, &group.raw, &[offset]);
         pass.dispatch_workgroups(x, y, 1);
+        self.gpu.dispatched.fetch_add(1, Ordering::Relaxed);
         Ok(())
     }
 

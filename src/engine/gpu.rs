@@ -21,6 +21,7 @@ pub struct Gpu {
     pub(super) timeout: Duration,
     pub(super) budget: Arc<Budget>,
     pub(super) submitting: Mutex<()>,
+    pub(super) dispatched: AtomicU64,
     fault: Arc<OnceLock<String>>,
     pipelines: Mutex<HashMap<Variant, Arc<Pipeline>>>,
 }
@@ -101,6 +102,7 @@ impl Gpu {
             timeout,
             budget: Arc::new(Budget { held: AtomicU64::new(0), allowed: memory.unwrap_or(u64::MAX) }),
             submitting: Mutex::new(()),
+            dispatched: AtomicU64::new(0),
             fault: Arc::new(OnceLock::new()),
             pipelines: Mutex::new(HashMap::new()),
         }
@@ -118,6 +120,11 @@ impl Gpu {
         self.device.on_uncaptured_error(Arc::new(move |e: wgpu::Error| {
             let _ = fault.set(describe(&e));
         }));
+    }
+
+    /// Dispatches recorded so far: what tells whether a stage ran kernels.
+    pub fn dispatched(&self) -> u64 {
+        self.dispatched.load(Ordering::Relaxed)
     }
 
     /// What this device can do.

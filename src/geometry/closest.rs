@@ -43,10 +43,13 @@ pub struct ClosestPoints {
 impl ClosestPoints {
     /// Builds the hierarchy. O(F log F).
     pub fn new(mesh: &Mesh, topology: &Topology) -> Self {
-        let mut items: Vec<(u32, [DVec3; 3])> = (0..mesh.triangle_count())
-            .filter(|&t| topology.usable[t])
-            .map(|t| (t as u32, mesh.triangle_positions(t)))
-            .collect();
+        Self::of_faces(mesh, (0..mesh.triangle_count() as u32).filter(|&t| topology.usable[t as usize]))
+    }
+
+    /// The same for some of the usable triangles alone.
+    pub fn of_faces(mesh: &Mesh, faces: impl IntoIterator<Item = u32>) -> Self {
+        let mut items: Vec<(u32, [DVec3; 3])> =
+            faces.into_iter().map(|t| (t, mesh.triangle_positions(t as usize))).collect();
         let mut nodes = Vec::new();
         if !items.is_empty() {
             let all = items.len();

@@ -91,11 +91,41 @@ impl AnchorPairs {
         if self.len() < 3 {
             warnings.push(format!("only {} anchors: the map is hardly determined, give twenty or more", self.len()));
         }
-        for component in 0..target.1.component_count {
-            if !self.target.iter().any(|p| target.1.triangle_component(p.face) == component) {
-                warnings.push(format!("component {component} of the target has no anchor: its map is a guess"));
-            }
+        let follow = "follow the nearest part that has one, as a whole, and are doubtful";
+        if let Some(warning) = without_anchor("target", &self.target, target.1, follow) {
+            warnings.push(warning);
+            // Where the target has none they are like any part.
+            warnings.extend(without_anchor("source", &self.source, source.1, "receive nothing but such parts"));
         }
         Ok(warnings)
     }
+}
+
+/// Parts named in a message, at most.
+const NAMED: usize = 20;
+
+/// One line about the components without an anchor, each named by its first face and its number of vertices; nothing where all have one.
+fn without_anchor(side: &str, points: &[SurfacePoint], topology: &Topology, what: &str) -> Option<String> {
+    let count = topology.component_count as usize;
+    let mut has = vec![false; count];
+    for c in points.iter().map(|p| topology.triangle_component(p.face)).filter(|&c| c != NONE) {
+        has[c as usize] = true;
+    }
+    let (mut face, mut vertices) = (vec![NONE; count], vec![0usize; count]);
+    for t in (0..topology.triangles.len() as u32).rev() {
+        let c = topology.triangle_component(t);
+        if c != NONE {
+            face[c as usize] = t;
+        }
+    }
+    topology.vertex_component.iter().filter(|c| **c != NONE).for_each(|&c| vertices[c as usize] += 1);
+    let mut parts: Vec<(u32, usize)> = (0..count).filter(|&c| !has[c]).map(|c| (face[c], vertices[c])).collect();
+    if parts.is_empty() {
+        return None;
+    }
+    parts.sort_unstable();
+    let named: Vec<String> =
+        parts.iter().take(NAMED).map(|(f, n)| format!("from face {f} on ({n} vertices)")).collect();
+    let more = if parts.len() > NAMED { format!(" and {} more", parts.len() - NAMED) } else { String::new() };
+    Some(format!("parts of the {side} without an anchor {what}: {}{more}", named.join(", ")))
 }

@@ -48,6 +48,17 @@ impl<const D: usize> NearestVertex<D> {
         found.iter().filter(|n| n.distance <= nearest).map(|n| self.vertices[n.item as usize]).min().unwrap_or(NONE)
     }
 
+    /// Up to `n` nearest vertices, nearest first, the lower index of equally near ones first; none for a point that is not finite.
+    pub(crate) fn find_several(&self, y: &Vector<f64, D>, n: usize) -> Vec<u32> {
+        let (Some(n), true) = (NonZero::new(n.min(self.vertices.len())), y.iter().all(|x| x.is_finite())) else {
+            return Vec::new();
+        };
+        let found = self.tree.nearest_n::<SquaredEuclidean>(y, n);
+        let mut found: Vec<(f64, u32)> = found.iter().map(|f| (f.distance, self.vertices[f.item as usize])).collect();
+        found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        found.into_iter().map(|f| f.1).collect()
+    }
+
     /// A nearest vertex, which of equally near ones is not told but always the same: less work than [`Self::find`]. [`NONE`] for a point that is not finite.
     pub(crate) fn find_one(&self, y: &Vector<f64, D>) -> u32 {
         if !y.iter().all(|x| x.is_finite()) || self.vertices.is_empty() {

@@ -104,6 +104,11 @@ pub trait PointMap: Sync {
     /// If a point is not on the target, or the device fails.
     fn map(&self, points: &[PackedPoint], images: &mut Vec<PackedImage>) -> crate::Result<()>;
 
+    /// Points so far that kernels handed back to the CPU; `None` where no kernel runs.
+    fn handed_back(&self) -> Option<u64> {
+        None
+    }
+
     /// What the method `field` chose; `None` for other methods.
     fn field(&self) -> Option<&super::field::FieldReport> {
         None

@@ -55,7 +55,7 @@ pub const WALK_PATIENCE: f64 = 0.35;
 /// The same for the search, which must not miss a root.
 pub const SEARCH_PATIENCE: f64 = 2.0;
 
-pub(super) fn centroid<S: Real>() -> [S; 3] {
+fn centroid<S: Real>() -> [S; 3] {
     [S::of(1.0 / 3.0); 3]
 }
 
@@ -121,7 +121,7 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
     fn walk_triangles(&self, mean: &Vector<S, D>, start: u32, steps: u32) -> Option<Projection<S>> {
         let (mut t, mut previous) = (start, NONE);
         for _ in 0..steps {
-            match self.triangle(t).project(mean, centroid(), S::of(WALK_PATIENCE)) {
+            match self.triangle(t).project(mean, S::of(WALK_PATIENCE)) {
                 Root::Inside(x) => return Some(self.candidate(mean, t, x, Found::Walk)),
                 Root::Outside(x) => {
                     let mut k = 0;
@@ -223,7 +223,7 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
     pub fn project_exhaustive(&self, mean: &Vector<S, D>) -> Option<Projection<S>> {
         let mut best: Option<Projection<S>> = None;
         for t in (0..self.triangles.len() as u32).filter(|&t| self.usable[t as usize]) {
-            if let Root::Inside(x) = self.triangle(t).project(mean, centroid(), S::of(SEARCH_PATIENCE)) {
+            if let Root::Inside(x) = self.triangle(t).project(mean, S::of(SEARCH_PATIENCE)) {
                 let c = self.candidate(mean, t, x, Found::Search);
                 if best.is_none_or(|b| c.distance_squared < b.distance_squared) {
                     best = Some(c);

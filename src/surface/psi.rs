@@ -164,33 +164,29 @@ pub fn slack<S: Real>() -> S {
 /// Steps after which Newton's method is given up; three or four are usual.
 pub const NEWTON_STEPS: usize = 12;
 
-/// Barycentric distance beyond an edge up to which an iterate past the pole counts as having overshot a vertex.
-const NEAR_VERTEX: f64 = 0.05;
-/// Least coordinate it is then pulled back to.
-const PULLED: f64 = 0.02;
-
 impl<S: Real, const D: usize> TangentTriangle<'_, S, D> {
-    /// What the iteration needs of the triangle and the point, in the three tangent planes.
+    /// What the iteration needs of the triangle and the point: both as seen in the three tangent planes, and where to start.
     #[inline(always)]
-    fn tangential(&self, mean: &Vector<S, D>) -> Tangential<S> {
+    fn tangential(&self, mean: &Vector<S, D>) -> (Tangential<S>, [S; 3]) {
         let e = [sub(self.v[0], self.v[2]), sub(self.v[1], self.v[2])];
         let d = sub(self.v[2], mean);
         let along = |t: &[Vector<S, D>; 2], x: &Vector<S, D>| [dot(&t[0], x), dot(&t[1], x)];
         let all = |x: &Vector<S, D>| [along(self.t[0], x), along(self.t[1], x), along(self.t[2], x)];
-        Tangential { edges: [all(&e[0]), all(&e[1])], offset: all(&d) }
+        (Tangential { edges: [all(&e[0]), all(&e[1])], offset: all(&d) }, start(&e, &d))
     }
 
-    /// Phong projection of `mean` onto the triangle by Newton's method (eq. 7 and 8) from `start`.
+    /// Phong projection of `mean` onto the triangle by Newton's method (eq. 7 and 8), from the projection onto the flat triangle.
     ///
     /// In two unknowns: `f = Psi (sum x_j v_j - ybar) = sum_k c_k u_k` with `u_k = G_k p_i(k)`, `p_i = T_i (sum_j x_j v_j - ybar)`, and its analytic Jacobian.
-    /// `patience` is the barycentric distance outside the triangle at which the iteration is given up. About 420 flops to
+    /// `patience` is the barycentric distance outside the triangle at which the iteration is given up. About 520 flops to
     /// set up and 300 per step.
-    pub fn project(&self, mean: &Vector<S, D>, start: [S; 3], patience: S) -> Root<S> {
-        let p = self.tangential(mean);
+    ///
+    /// Near a vertex `f` is nearly homogeneous in the offset from it, so that a step from afar lands about the square of its length beside the root, on either side of the vertex. Beyond the vertex
+    /// `s` is negative and Psi as smooth as before it: the iteration goes on there and comes back. Only on the pole itself, `s = 0`, there is no next step.
+    pub fn project(&self, mean: &Vector<S, D>, patience: S) -> Root<S> {
+        let (p, mut x) = self.tangential(mean);
         let tolerance = S::of(8.0) * S::EPSILON;
-        let mut x = start;
         let mut last = S::HUGE;
-        let mut pulled = false;
         for _ in 0..NEWTON_STEPS {
             let Some([dx, dy]) = self.newton_step(&p, &x) else {
                 return Root::Outside(x);
@@ -200,26 +196,13 @@ impl<S: Real, const D: usize> TangentTriangle<'_, S, D> {
             if !(lowest >= -patience) {
                 return Root::Outside(x);
             }
-            let step = dx.abs().maximum(dy.abs());
             let s = x[0] * x[1] + x[1] * x[2] + x[2] * x[0];
-            if s <= at_vertex::<S>() {
-                // At a vertex, or past the circle through the vertices, where Psi has its pole.
-                if let Some(root) = self.vertex_root(&p, &x) {
-                    return Root::Inside(root);
-                }
-                if pulled || lowest < -S::of(NEAR_VERTEX) {
-                    return Root::Outside(x);
-                }
-                // The iterate overshot a vertex that is no root: once more from inside.
-                pulled = true;
-                let inside = x.map(|v| v.maximum(S::of(PULLED)));
-                let sum = inside[0] + inside[1] + inside[2];
-                x = inside.map(|v| v / sum);
-                last = S::HUGE;
-                continue;
+            if s.abs() <= at_vertex::<S>() {
+                return self.vertex_root(&p, &x).map_or(Root::Outside(x), Root::Inside);
             }
-            // Quadratic convergence: once a step is below the square root of the precision the next one is rounding.
-            if step <= tolerance || (step <= S::of(1e-4) && step * step <= S::EPSILON && last < S::HUGE) {
+            let step = dx.abs().maximum(dy.abs());
+            // Quadratic convergence, at the scale of the distance to the vertex: after a step h the next one is about h^2 / s.
+            if step <= tolerance || (step <= S::of(1e-4) && step * step <= S::EPSILON * s.abs() && last < S::HUGE) {
                 return inside_or_not(x);
             }
             last = step;
@@ -229,8 +212,7 @@ impl<S: Real, const D: usize> TangentTriangle<'_, S, D> {
 
     /// The vertex nearest to `x`, if it is a root.
     ///
-    /// At a vertex Psi spans the vertex's own tangent plane whatever the direction, so the vertex is a root where `T_i (v_i - ybar)` vanishes. Newton's method may reach it
-    /// from beyond, where Psi is not defined, so the place of the iterate does not count.
+    /// At a vertex Psi spans the vertex's own tangent plane whatever the direction, so the vertex is a root where `T_i (v_i - ybar)` vanishes.
     fn vertex_root(&self, p: &Tangential<S>, x: &[S; 3]) -> Option<[S; 3]> {
         let i = usize::from(x[1] > x[0]);
         let i = if x[2] > x[i] { 2 } else { i };
@@ -345,6 +327,23 @@ impl<S: Real, const D: usize> TangentTriangle<'_, S, D> {
         let d = sub(&self.point(x), mean);
         [dot(&psi[0], &d), dot(&psi[1], &d)]
     }
+}
+
+/// Where Newton's method starts, from the two edges `v_l - v_3` and `v_3 - ybar`: the orthogonal projection of `ybar` onto the flat triangle. A point of the surface is that already, and near a vertex it is
+/// as far from it as the root is, up to a constant. Outside coordinates are reflected into the triangle, which keeps that distance; where the flat triangle has no area, its centre.
+#[inline(always)]
+fn start<S: Real, const D: usize>([e, f]: &[Vector<S, D>; 2], d: &Vector<S, D>) -> [S; 3] {
+    let (ee, ef, ff) = (dot(e, e), dot(e, f), dot(f, f));
+    let (de, df) = (dot(e, d), dot(f, d));
+    let determinant = ee * ff - ef * ef;
+    if !(determinant > S::EPSILON * ee * ff) {
+        return [S::of(1.0 / 3.0); 3];
+    }
+    let (x, y) = ((ef * df - ff * de) / determinant, (ef * de - ee * df) / determinant);
+    // Not on the vertex itself, where Psi has no direction.
+    let inside = [x, y, S::ONE - x - y].map(|v| v.abs().maximum(S::EPSILON));
+    let r = S::ONE / (inside[0] + inside[1] + inside[2]);
+    inside.map(|v| v * r)
 }
 
 /// Accepts coordinates within the slack, clamped to the triangle.

@@ -57,13 +57,12 @@ pub fn distortion(
         let trace = (e22 * f11 - 2.0 * e12 * f12 + e11 * f22) / (double_area * double_area);
         let ratio = image_normal.length() / double_area;
         let backward = if ratio > 0.0 { 0.5 * trace / (ratio * ratio) } else { f64::INFINITY };
-        let outward = normals[v[0]] + normals[v[1]] + normals[v[2]];
         list.push(Measured {
             area: 0.5 * double_area,
             image_area: 0.5 * image_normal.length(),
             forward: 0.5 * trace,
             backward,
-            turned: image_normal.dot(outward) < 0.0,
+            turned: turns(q, v.map(|v| normals[v])),
         });
     }
     let mapped: f64 = list.iter().map(|m| m.area).sum();
@@ -106,6 +105,30 @@ pub fn distortion(
         flipped_area: if mirrored { mapped - turned } else { turned } / mapped + 0.0,
         mapped_faces: list.len(),
     }
+}
+
+/// The triangles that the map of [`distortion`] turns over, rising: those whose image faces against the source there, or the others where that is most of the area. O(F).
+pub fn flipped(target: &Mesh, topology: &Topology, images: &[Option<DVec3>], normals: &[DVec3]) -> Vec<u32> {
+    let (mut turned, mut straight) = (Vec::new(), Vec::new());
+    let (mut over, mut all) = (0.0, 0.0);
+    for t in (0..target.triangle_count()).filter(|&t| topology.usable[t]) {
+        let v = target.triangle(t).map(|v| v as usize);
+        let [Some(a), Some(b), Some(c)] = v.map(|v| images[v]) else { continue };
+        let area = target.triangle_area(t);
+        all += area;
+        if turns([a, b, c], v.map(|v| normals[v])) {
+            over += area;
+            turned.push(t as u32);
+        } else {
+            straight.push(t as u32);
+        }
+    }
+    if over > 0.5 * all { straight } else { turned }
+}
+
+/// Whether a triangle faces against the mean of the normals at its corners.
+fn turns([a, b, c]: [DVec3; 3], normals: [DVec3; 3]) -> bool {
+    (b - a).cross(c - a).dot(normals[0] + normals[1] + normals[2]) < 0.0
 }
 
 /// Area-weighted unit normals of the vertices; zero for vertices of no usable triangle.

@@ -113,7 +113,7 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
         self.levels(v, cap, marks, |level| {
             let mut best: Option<Projection<S>> = None;
             for &t in level.iter().filter(|&&t| self.bounds[t as usize].admits(mean)) {
-                let root = self.triangle(t).project(mean, super::project::centroid(), S::of(SEARCH_PATIENCE));
+                let root = self.triangle(t).project(mean, S::of(SEARCH_PATIENCE));
                 if let Root::Inside(x) = root {
                     let c = self.candidate(mean, t, x, Found::Search);
                     let closer = |b: &Projection<S>| {
@@ -202,11 +202,11 @@ mod tests {
                     all += 1;
                     let admits = s.bounds[t as usize].admits(&mean);
                     admitted += usize::from(admits);
-                    if let Root::Inside(_) = s.triangle(t).project(&mean, [1.0 / 3.0; 3], 2.0) {
+                    if let Root::Inside(_) = s.triangle(t).project(&mean, 2.0) {
                         roots += 1;
                         assert!(admits, "triangle {t}, distance {distance}");
                     }
-                    if let Root::Inside(_) = single.triangle(t).project(&rounded, [1.0 / 3.0; 3], 2.0) {
+                    if let Root::Inside(_) = single.triangle(t).project(&rounded, 2.0) {
                         assert!(single.bounds[t as usize].admits(&rounded), "triangle {t}, distance {distance}");
                     }
                 }

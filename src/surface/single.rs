@@ -7,7 +7,7 @@ use crate::geometry::{NONE, SurfacePoint};
 
 use super::average::{orthonormalise, weights};
 use super::correspondence::Shape;
-use super::project::{Found, SearchLimits};
+use super::project::{Found, Projection, SearchLimits};
 use super::vector::{Vector, add_scaled};
 use super::{NearestVertex, PhongSurface};
 
@@ -39,6 +39,8 @@ trait Solve: Send + Sync {
 struct Solver<const D: usize> {
     surface: PhongSurface<f64, D>,
     anchors: Vec<Vector<f64, D>>,
+    /// The triangles they lie on.
+    anchor_faces: Vec<u32>,
     nearest: NearestVertex<D>,
 }
 
@@ -82,7 +84,7 @@ impl WeightedPoints {
         }
     }
 
-    /// The forward problem: the Phong projection of each weighted average, searched from the exactly nearest vertex.
+    /// The forward problem: the Phong projection of each weighted average, searched from the exactly nearest vertex and from the heaviest anchor.
     ///
     /// # Errors
     /// If a row has another number of weights than there are anchors, or does not sum to one within 1e-6.
@@ -104,9 +106,22 @@ impl<const D: usize> Solver<D> {
     fn new(shape: Shape<'_>, anchors: &[SurfacePoint]) -> Result<Self> {
         let points = shape.embedding.map(|e| e.points.as_slice()).unwrap_or_default();
         let surface = PhongSurface::<f64, D>::new(shape.topology, points)?;
+        let anchor_faces = anchors.iter().map(|p| p.face).collect();
         let anchors = anchors.iter().map(|p| surface.embed(p)).collect();
         let nearest = NearestVertex::new(&surface);
-        Ok(Self { surface, anchors, nearest })
+        Ok(Self { surface, anchors, anchor_faces, nearest })
+    }
+
+    /// The projection of an average: the closer of what is found from the nearest vertex and from the anchor that weighs most (paper, section 3.3). Where the surface is crumpled, the nearest vertex of
+    /// a point need not belong to its triangle.
+    fn average(&self, row: &[f64]) -> Projection<f64> {
+        let mean = row.iter().zip(&self.anchors).fold([0.0; D], |sum, (&w, a)| add_scaled(&sum, w, a));
+        let found = self.surface.project(&mean, &[self.nearest.find(&mean)], SearchLimits::SECOND);
+        let heaviest = (0..row.len()).fold(0, |k, i| if row[i] > row[k] { i } else { k });
+        match self.surface.project_from(&mean, self.anchor_faces[heaviest], &[]) {
+            Some(p) if found.found == Found::Nothing || p.distance_squared < found.distance_squared => p,
+            _ => found,
+        }
     }
 }
 
@@ -125,8 +140,7 @@ impl<const D: usize> Solve for Solver<D> {
         weights
             .par_iter()
             .map(|row| {
-                let mean = row.iter().zip(&self.anchors).fold([0.0; D], |sum, (&w, a)| add_scaled(&sum, w, a));
-                let p = self.surface.project(&mean, &[self.nearest.find(&mean)], SearchLimits::SECOND);
+                let p = self.average(row);
                 let point = SurfacePoint::new(if p.face == NONE { 0 } else { p.face }, p.x);
                 AveragePoint { point, found: p.found != Found::Nothing }
             })

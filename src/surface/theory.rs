@@ -159,18 +159,57 @@ fn every_vertex_is_found_from_every_triangle_around_it() {
         let single = s.cast::<f32>();
         for v in 0..s.vertices.len() as u32 {
             for &t in s.fan(v) {
-                let third = [1.0 / 3.0; 3];
                 let y = s.vertices[v as usize].y;
-                assert!(
-                    matches!(s.triangle(t).project(&y, third, 2.0), Root::Inside(x) if x.contains(&1.0)),
-                    "{v} {t}"
-                );
+                let root = s.triangle(t).project(&y, 2.0);
+                assert!(matches!(root, Root::Inside(x) if x.iter().any(|&x| x > 1.0 - 1e-12)), "{v} {t} {root:?}");
                 let y = single.vertices[v as usize].y;
-                let root = single.triangle(t).project(&y, third.map(|x| x as f32), 2.0);
+                let root = single.triangle(t).project(&y, 2.0);
                 assert!(matches!(root, Root::Inside(x) if x.iter().any(|&x| x > 0.9995)), "single {v} {t} {root:?}");
             }
         }
     }
+}
+
+/// Roots at small distances from a vertex or an edge are found from the triangle they lie in, off the surface too.
+fn roots_found_next_to_borders<S: Real>(s: &PhongSurface<f64, 8>, tolerance: f64) {
+    let rounded: PhongSurface<S, 8> = s.cast();
+    let mut rng = Random::new(13);
+    for height in [0.0, 0.3, 1.0, 3.0] {
+        for distance in [0.0, 1e-12, 1e-10, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1] {
+            for i in 0..200 {
+                let t = (rng.unit() * s.triangles.len() as f64) as u32;
+                let (k, u) = (i % 3, rng.unit());
+                let (near, beyond) = if i % 2 == 0 { (1.0 - distance, distance) } else { (distance, 1.0 - distance) };
+                let mut x = [near; 3];
+                x[(k + 1) % 3] = beyond * u;
+                x[(k + 2) % 3] = beyond * (1.0 - u);
+                let tri = s.triangle(t);
+                let mut d: Vector<f64, 8> = std::array::from_fn(|_| rng.signed());
+                for b in &orthonormalise(tri.psi(&x)) {
+                    d = add_scaled(&d, -dot(&d, b), b);
+                }
+                let y = tri.point(&x);
+                let mean = add_scaled(&y, height / dot(&d, &d).sqrt(), &d);
+                match rounded.triangle(t).project(&mean.map(S::of), S::of(2.0)) {
+                    Root::Inside(r) => {
+                        let off = distance_squared(&tri.point(&r.map(|r| r.to_f64())), &y).sqrt();
+                        assert!(off < tolerance, "triangle {t}, {height}, {distance:.0e}: {x:?} {r:?} {off:.1e}");
+                    }
+                    Root::Outside(r) => {
+                        panic!("triangle {t}, {height}, {distance:.0e}: {x:?} not found, ended at {r:?}")
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn roots_next_to_vertices_and_edges_are_found() {
+    // A gentle surface, where three edges are well within the radius of curvature. The vertex itself stands for roots within the slack of it.
+    let s = surface(&lobed_sphere(4, 0.3));
+    roots_found_next_to_borders::<f64>(&s, 2.0 * slack::<f64>());
+    roots_found_next_to_borders::<f32>(&s, 2.0 * f64::from(slack::<f32>()));
 }
 
 /// Turns or mirrors every vertex basis within its plane.
@@ -221,7 +260,7 @@ fn the_jacobian_is_the_derivative() {
             d = add_scaled(&d, -dot(&d, b), b);
         }
         let mean = add_scaled(&tri.point(&x), 1.0, &d);
-        match tri.project(&mean, [1.0 / 3.0; 3], 2.0) {
+        match tri.project(&mean, 2.0) {
             Root::Inside(r) => {
                 let f = tri.residual(&mean, &r);
                 assert!(f[0].abs().max(f[1].abs()) < 1e-9, "{f:?}");

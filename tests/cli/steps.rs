@@ -165,3 +165,47 @@ fn devices_tells_what_auto_takes() {
     let report = f.json("r.json");
     assert!(report["adapters"].is_array() && report["backend"]["name"].is_string(), "{report}");
 }
+
+#[test]
+fn every_stage_says_where_it_ran() {
+    let f = Folder::spheres();
+    f.write("single.json", SINGLE);
+    f.write("p.csv", "face,b0,b1,b2\n0,0.2,0.3,0.5\n7,1,0,0\n");
+    let row = |k: usize| (0..17).map(|i| if i == k { "1" } else { "0" }).collect::<Vec<_>>().join(",");
+    f.write("w.csv", &format!("{}\n{}\n", row(3), row(8)));
+    let report = |command: &str| {
+        f.run(&format!("{command} --report r.json")).succeeds();
+        let report = f.json("r.json");
+        let keys = |k: &str| report[k].as_object().unwrap().keys().cloned().collect::<Vec<_>>();
+        assert_eq!(keys("seconds"), keys("stages_on"), "{command}");
+        report
+    };
+    let all =
+        |report: &serde_json::Value, word: &str| report["stages_on"].as_object().unwrap().values().all(|w| w == word);
+    let map = "map --source s.obj --target t.obj --anchors a.json -o m.csv";
+    // No kernel runs in these, on whatever machine.
+    for command in [
+        "embed s.obj -o e.npy",
+        "weights s.obj --anchors single.json --points p.csv -o w.npy",
+        "average s.obj --anchors single.json --weights w.csv -o q.csv",
+        &format!("{map} --method rbf"),
+        &format!("{map} --method closest"),
+        &format!("{map} --backend cpu"),
+    ] {
+        let r = report(command);
+        assert!(all(&r, "cpu"), "{command}: {}", r["stages_on"]);
+        assert_eq!(r["backend"]["kind"], "cpu", "{command}");
+        assert!(r.get("handed_back").is_none(), "{command}");
+    }
+    assert!(all(&report(&format!("{map} --backend reference")), "reference"));
+    for method in ["field", "transport", "averages"] {
+        let r = report(&format!("{map} --method {method}"));
+        assert_eq!(r["stages_on"]["read"], "cpu");
+        assert_eq!(r["stages_on"]["embed"], "cpu");
+        assert_eq!(r["stages_on"]["map"], r["backend"]["kind"]);
+        assert_eq!(r["handed_back"].is_u64(), r["backend"]["kind"] == "gpu", "{r}");
+    }
+    let r = report("transfer --source s.obj --texture s.png --target t.obj --anchors a.json --size 64 -o o.png");
+    assert_eq!(r["stages_on"]["transfer.map"], r["backend"]["kind"]);
+    assert_eq!(r["stages_on"]["transfer.fill"].as_str().unwrap_or("cpu"), "cpu");
+}

@@ -9,9 +9,11 @@ mod encoding;
 mod field;
 mod io;
 mod models;
+mod parts;
 mod plane;
 #[path = "../common/plane.rs"]
 mod plane_cases;
+mod property_1;
 mod render;
 mod shaders;
 mod transfer;

@@ -10,7 +10,7 @@ use barymap::io::cache::Cache;
 use barymap::progress::Progress;
 use barymap::surface::correspondence::Shape;
 use barymap::surface::{AnchorPairs, Embedding, EmbeddingOptions};
-use barymap::tools::stopwatch::Stopwatch;
+use barymap::tools::stopwatch::{StageTime, Stopwatch};
 use barymap::{Error, Result};
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
@@ -88,6 +88,8 @@ pub(crate) struct Session<'a> {
     pub(crate) field: Option<Value>,
     /// What became of the alignment of its embeddings, for the report.
     pub(crate) alignment: Option<Value>,
+    /// Points of the map that kernels handed back to the CPU, for the report; none where no kernel mapped any.
+    pub(crate) handed_back: Option<u64>,
     cache: Cache,
 }
 
@@ -111,11 +113,12 @@ impl<'a> Session<'a> {
             Engine::new(EngineOptions { backend, adapter: common.adapter.clone(), ..EngineOptions::default() })?;
         let session = Self {
             common,
-            engine,
             bars: Bars::new(common.quiet),
-            watch: Stopwatch::new(),
+            watch: Stopwatch::on(&engine),
+            engine,
             field: None,
             alignment: None,
+            handed_back: None,
             cache: if common.no_cache { Cache::disabled() } else { Cache::from_environment() },
         };
         if let Some(note) = session.engine.note() {
@@ -193,10 +196,21 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// The beginning of every report.
+    /// The word of reports for where a stage ran.
+    pub(crate) fn ran_on(&self, stage: &StageTime) -> &'static str {
+        match self.engine.backend() {
+            _ if stage.on_device => "gpu",
+            Backend::Reference => "reference",
+            _ => "cpu",
+        }
+    }
+
+    /// The beginning of every report. The back end is the one that did the work: the CPU where no kernel ran.
     pub(crate) fn report(&self, command: &str) -> Value {
-        let d = self.engine.description();
-        let stages = |f: &dyn Fn(&barymap::tools::stopwatch::StageTime) -> Option<f64>| -> Value {
+        let on_device = self.watch.stages().iter().any(|s| s.on_device);
+        let cpu = (self.engine.gpu().is_some() && !on_device).then(Engine::cpu);
+        let d = cpu.as_ref().unwrap_or(&self.engine).description();
+        let stages = |f: &dyn Fn(&StageTime) -> Option<f64>| -> Value {
             self.watch
                 .stages()
                 .iter()
@@ -210,7 +224,11 @@ impl<'a> Session<'a> {
             "backend": {"kind": d.backend, "name": d.name, "driver": d.driver},
             "seconds": stages(&|s| Some(s.seconds)),
             "cpu_seconds": stages(&|s| s.cpu_seconds),
+            "stages_on": self.watch.stages().iter().map(|s| (s.name.to_string(), json!(self.ran_on(s)))).collect::<serde_json::Map<_, _>>(),
         });
+        if let Some(points) = self.handed_back {
+            report["handed_back"] = json!(points);
+        }
         if let Some(field) = &self.field {
             report["field"] = field.clone();
         }

@@ -113,6 +113,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     } else {
         None
     };
+    session.handed_back = map.handed_back();
     let mut report = session.report("map");
     let summary = |e: ErrorSummary| json!({"mean": e.mean, "median": e.median, "p95": e.p95, "max": e.max});
     if let Some(c) = cycled {

@@ -128,6 +128,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     for stage in &last.stats.stages {
         report["seconds"][format!("warp.{}", stage.name)] = json!(stage.seconds);
         report["cpu_seconds"][format!("warp.{}", stage.name)] = json!(stage.cpu_seconds);
+        report["stages_on"][format!("warp.{}", stage.name)] = json!(session.ran_on(stage));
     }
     let s = &last.stats;
     report["filter"] = json!(options.filter.word());

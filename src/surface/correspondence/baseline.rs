@@ -13,7 +13,7 @@ use crate::surface::packed::{PackedImage, PackedPoint, PointMap, Status};
 use super::{Method, Shape, check_faces};
 
 /// A smooth map of space followed by the closest point of the source. Every point is claimed valid: nothing in these methods
-/// tells right from wrong.
+/// tells right from wrong but the triangles they turn over ([`super::correspondence`]).
 #[derive(Debug)]
 pub struct Baseline {
     target: Mesh,
@@ -21,10 +21,19 @@ pub struct Baseline {
     warp: Warp,
 }
 
+/// `to + scale rotation (x - from)`; the rotation may be a reflection.
+#[derive(Clone, Debug)]
+pub(crate) struct Similarity {
+    pub(crate) rotation: Matrix3<f64>,
+    pub(crate) scale: f64,
+    pub(crate) from: DVec3,
+    pub(crate) to: DVec3,
+}
+
 /// A map of space.
 #[derive(Debug)]
 pub(crate) enum Warp {
-    Similarity { rotation: Matrix3<f64>, scale: f64, from: DVec3, to: DVec3 },
+    Similarity(Similarity),
     Radial { centres: Vec<DVec3>, coefficients: Vec<DVec3>, affine: [DVec3; 4], origin: DVec3, unit: f64 },
 }
 
@@ -38,7 +47,7 @@ impl Baseline {
         let to: Vec<DVec3> = anchors.source.iter().map(|p| p.position(source.mesh)).collect();
         let warp = match method {
             Method::Rbf => Warp::radial(&from, &to)?,
-            _ => similarity(&from, &to),
+            _ => Warp::Similarity(Similarity::fit(&from, &to)),
         };
         Ok(Self { target: target.mesh.clone(), closest: ClosestPoints::new(source.mesh, source.topology), warp })
     }
@@ -81,11 +90,7 @@ impl Warp {
 
     pub(crate) fn apply(&self, x: DVec3) -> DVec3 {
         match self {
-            Self::Similarity { rotation, scale, from, to } => {
-                let d = x - *from;
-                let r = rotation * nalgebra::Vector3::new(d.x, d.y, d.z);
-                *to + DVec3::new(r.x, r.y, r.z) * *scale
-            }
+            Self::Similarity(s) => s.apply(x),
             Self::Radial { centres, coefficients, affine, origin, unit } => {
                 let x = (x - *origin) / *unit;
                 let linear = affine[0] + affine[1] * x.x + affine[2] * x.y + affine[3] * x.z;
@@ -95,33 +100,72 @@ impl Warp {
     }
 }
 
-fn mean(x: &[DVec3]) -> DVec3 {
+pub(super) fn mean(x: &[DVec3]) -> DVec3 {
     x.iter().sum::<DVec3>() / x.len() as f64
 }
 
-fn spread(x: &[DVec3], m: DVec3) -> f64 {
+/// Root mean square distance from `m`.
+pub(super) fn spread(x: &[DVec3], m: DVec3) -> f64 {
     (x.iter().map(|p| p.distance_squared(m)).sum::<f64>() / x.len() as f64).sqrt()
 }
 
-/// The similarity that fits the anchors best in the least squares sense, a reflection where that fits better (mirrored pairs); the identity's
-/// linear part where fewer than three anchors leave it open.
-fn similarity(from: &[DVec3], to: &[DVec3]) -> Warp {
-    let (a, b) = (mean(from), mean(to));
-    if from.len() < 3 {
-        return Warp::Similarity { rotation: Matrix3::identity(), scale: 1.0, from: a, to: b };
-    }
-    let mut covariance = Matrix3::zeros();
+/// The mean of `(q - b) (p - a)^T`.
+fn covariance((from, a): (&[DVec3], DVec3), (to, b): (&[DVec3], DVec3)) -> Matrix3<f64> {
+    let mut sum = Matrix3::zeros();
     for (p, q) in from.iter().zip(to) {
         let (p, q) = ((*p - a).to_array(), (*q - b).to_array());
-        covariance += Matrix3::from_fn(|r, c| q[r] * p[c]);
+        sum += Matrix3::from_fn(|r, c| q[r] * p[c]);
     }
-    let svd = covariance.svd(true, true);
-    let rotation = match (svd.u, svd.v_t) {
-        (Some(u), Some(vt)) => u * vt,
-        _ => Matrix3::identity(),
-    };
-    let (sa, sb) = (spread(from, a), spread(to, b));
-    Warp::Similarity { rotation, scale: if sa > 0.0 { sb / sa } else { 1.0 }, from: a, to: b }
+    sum / from.len() as f64
+}
+
+impl Similarity {
+    /// The similarity that fits the anchors best in the least squares sense, a reflection where that fits better (mirrored pairs); the identity's
+    /// linear part where fewer than three anchors leave it open.
+    pub(super) fn fit(from: &[DVec3], to: &[DVec3]) -> Self {
+        let (a, b) = (mean(from), mean(to));
+        if from.len() < 3 {
+            return Self { rotation: Matrix3::identity(), scale: 1.0, from: a, to: b };
+        }
+        let svd = covariance((from, a), (to, b)).svd(true, true);
+        let rotation = match (svd.u, svd.v_t) {
+            (Some(u), Some(vt)) => u * vt,
+            _ => Matrix3::identity(),
+        };
+        let (sa, sb) = (spread(from, a), spread(to, b));
+        Self { rotation, scale: if sa > 0.0 { sb / sa } else { 1.0 }, from: a, to: b }
+    }
+
+    /// The similarity of some of the points, mirrored as this one is and no more than twice as large or small: where the points leave it open, this one's rotation and scale, which count as `prior` of
+    /// their covariance.
+    pub(super) fn local(&self, from: &[DVec3], to: &[DVec3], prior: f64) -> Self {
+        if from.is_empty() {
+            return self.clone();
+        }
+        let (a, b) = (mean(from), mean(to));
+        let (sa, sb) = (spread(from, a), spread(to, b));
+        let open = Self { from: a, to: b, ..self.clone() };
+        if !(sa > 0.0) {
+            return open;
+        }
+        let svd = (covariance((from, a), (to, b)) + self.rotation * (prior * self.scale * sa * sa)).svd(true, true);
+        let (Some(u), Some(vt)) = (svd.u, svd.v_t) else { return open };
+        // The least singular value comes last.
+        let sign = (u * vt).determinant() * self.rotation.determinant();
+        let rotation = u * Matrix3::from_diagonal(&nalgebra::Vector3::new(1.0, 1.0, sign.signum())) * vt;
+        Self { rotation, scale: (sb / sa).clamp(0.5 * self.scale, 2.0 * self.scale), ..open }
+    }
+
+    /// The same linear part times `factor`, taking `from` to `to`.
+    pub(super) fn moved(&self, from: DVec3, to: DVec3, factor: f64) -> Self {
+        Self { scale: factor * self.scale, from, to, ..self.clone() }
+    }
+
+    pub(super) fn apply(&self, x: DVec3) -> DVec3 {
+        let d = x - self.from;
+        let r = self.rotation * nalgebra::Vector3::new(d.x, d.y, d.z);
+        self.to + DVec3::new(r.x, r.y, r.z) * self.scale
+    }
 }
 
 /// Linear kernel `|x - t_i|` with an affine part, interpolating. Coincident anchors are merged to their mean; where the anchors do not span space, the
@@ -211,7 +255,25 @@ mod tests {
     fn similarity_recovers_mirror_and_scale() {
         let (from, _) = anchors();
         let to: Vec<DVec3> = from.iter().map(|p| DVec3::new(-3.0 * p.x + 1.0, 3.0 * p.y, 3.0 * p.z)).collect();
-        let warp = similarity(&from, &to);
+        let warp = Similarity::fit(&from, &to);
         assert!(from.iter().zip(&to).all(|(p, q)| warp.apply(*p).distance(*q) < 1e-9));
+    }
+
+    #[test]
+    fn local_similarities_follow_their_points_and_keep_what_those_leave_open() {
+        let (from, _) = anchors();
+        let whole = Similarity::fit(&from, &from.iter().map(|p| 2.0 * *p).collect::<Vec<_>>());
+        // A quarter turn about z, a little larger: nearly all of it is followed.
+        let turned: Vec<DVec3> = from.iter().map(|p| DVec3::new(5.0 - 2.4 * p.y, 2.4 * p.x, 2.4 * p.z)).collect();
+        let local = whole.local(&from, &turned, 0.01);
+        assert!((local.scale - 2.4).abs() < 1e-9);
+        assert!(from.iter().zip(&turned).all(|(p, q)| local.apply(*p).distance(*q) < 0.1));
+        // One point, or points on a line, leave the turn open; never a mirror image; the scale stays within a factor of two.
+        let one = whole.local(&from[..1], &turned[..1], 0.01);
+        assert!(one.apply(from[0] + DVec3::X).distance(turned[0] + 2.0 * DVec3::X) < 1e-9);
+        let flat: Vec<DVec3> = from.iter().map(|p| DVec3::new(p.x, p.y, 0.0)).collect();
+        let local = whole.local(&flat, &flat.iter().map(|p| 100.0 * *p).collect::<Vec<_>>(), 0.01);
+        assert!(local.rotation.determinant() > 0.0 && (local.scale - 4.0).abs() < 1e-9);
+        assert!(local.apply(local.from + DVec3::Z).distance(local.to + 4.0 * DVec3::Z) < 1e-9);
     }
 }

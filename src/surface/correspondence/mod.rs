@@ -1,8 +1,10 @@
 //! Dense correspondence between two surfaces from pairs of anchors (paper, section 4.3), and the baselines it is measured against.
 
 mod baseline;
+mod checked;
 mod confidence;
 pub(crate) mod drift;
+mod parts;
 pub(crate) mod procrustes;
 mod weighted;
 
@@ -16,6 +18,8 @@ use crate::engine::LaneScalar;
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, Topology};
 
+use self::checked::Checked;
+use self::parts::{Anchored, Followed};
 use super::anchors::AnchorPairs;
 use super::embedding::Embedding;
 use super::field::{Field, FieldOptions};
@@ -104,6 +108,9 @@ impl Default for CorrespondenceOptions {
 
 /// The map from the target to the source on the CPU.
 ///
+/// Whatever the method, points in triangles of the target that it turns over are doubtful (with [`CorrespondenceOptions::confidence`]), and parts of the target without an anchor follow the nearest part
+/// that has one, as a whole; they are doubtful too, and [`AnchorPairs::check`] names them.
+///
 /// # Errors
 /// If the anchors do not fit ([`AnchorPairs::check`]), or the embeddings are missing or differ in dimension.
 pub fn correspondence(
@@ -113,6 +120,33 @@ pub fn correspondence(
     options: &CorrespondenceOptions,
 ) -> Result<Box<dyn PointMap + Send>> {
     anchors.check((source.mesh, source.topology), (target.mesh, target.topology))?;
+    completed(source, target, anchors, options, |source, target| on_cpu(source, target, anchors, options))
+}
+
+/// What every method has in common around the map that `make` makes of the parts with anchors: parts without one follow, what is turned over is doubtful.
+pub(crate) fn completed(
+    source: Shape<'_>,
+    target: Shape<'_>,
+    anchors: &AnchorPairs,
+    options: &CorrespondenceOptions,
+    make: impl FnOnce(Shape<'_>, Shape<'_>) -> Result<Box<dyn PointMap + Send>>,
+) -> Result<Box<dyn PointMap + Send>> {
+    let map: Box<dyn PointMap + Send> = match Anchored::new(source, target, anchors) {
+        None => make(source, target)?,
+        Some(a) => {
+            let map = make(Shape { topology: &a.source, ..source }, Shape { topology: &a.target, ..target })?;
+            Box::new(Followed::new(map, source, target, anchors, &a)?)
+        }
+    };
+    Ok(if options.confidence { Box::new(Checked::new(map, source, target)?) } else { map })
+}
+
+fn on_cpu(
+    source: Shape<'_>,
+    target: Shape<'_>,
+    anchors: &AnchorPairs,
+    options: &CorrespondenceOptions,
+) -> Result<Box<dyn PointMap + Send>> {
     if options.method == Method::Rbf && options.relax == Some(true) {
         return Ok(match options.precision {
             Precision::Single => Box::new(Field::<f32, 4>::radial(source, target, anchors)?),

@@ -295,18 +295,17 @@ impl<S: Real, const K: usize> Field<S, K> {
         };
         let mut start_faces = faces(&z, &starts);
         let mut turned = Repaired::default();
-        let projected: PhongSurface<S, K> = reference.cast();
         if relaxed {
             let (z, starts) = (&mut z[..], &mut starts[..]);
             let start_faces = &start_faces;
-            turned = Images { shapes, source: &projected, closest: &closest, z, starts, start_faces }.repair(&held);
+            turned = Images { shapes, source: &reference, closest: &closest, z, starts, start_faces }.repair(&held);
         }
         if turned.before > turned.left.len() {
             start_faces = faces(&z, &starts);
         }
         let unit = reference.edge;
         Ok(Self {
-            source: projected,
+            source: reference.cast(),
             reference,
             vertices,
             triangles,
@@ -362,8 +361,7 @@ impl<S: Real, const K: usize> Field<S, K> {
         &self.z
     }
 
-    /// The same field, its images as they are rounded, projected in double precision: what the decisions of single precision are judged by. (The repair looks at projections, so that a field
-    /// *made* in double precision may have other images at a few vertices.)
+    /// The same field, its images as they are rounded, projected in double precision: what the decisions of single precision are judged by.
     pub fn in_double(&self) -> Field<f64, K> {
         Field {
             source: self.reference.clone(),

@@ -19,12 +19,11 @@ use self::upright::{Image, Lifted, facing};
 use super::closest::{Closest, ClosestOnSurface};
 use super::pair::Shapes;
 use super::{GUARD, start_face};
-use crate::engine::Real;
 use crate::geometry::{NONE, SurfacePoint};
 use crate::surface::PhongSurface;
 use crate::surface::project::Found;
 use crate::surface::quality::{normal_at, vertex_normals};
-use crate::surface::vector::{Vector, cast};
+use crate::surface::vector::Vector;
 
 /// Rings around turned triangles that may move, at most.
 const RINGS: usize = 6;
@@ -36,10 +35,10 @@ const WORK: usize = 50_000;
 const HOPELESS: usize = 10;
 
 /// The images of a target's vertices, as they are repaired.
-pub(super) struct Images<'a, S: Real, const K: usize> {
+pub(super) struct Images<'a, const K: usize> {
     pub(super) shapes: &'a Shapes<'a>,
-    /// The source as the field projects to it.
-    pub(super) source: &'a PhongSurface<S, K>,
+    /// The source in double precision, whatever the field projects in: a repair decides by which side of a crease images lie, and must not decide otherwise on another back end.
+    pub(super) source: &'a PhongSurface<f64, K>,
     pub(super) closest: &'a ClosestOnSurface<'a, K>,
     /// Of each vertex in R^K.
     pub(super) z: &'a mut [Vector<f64, K>],
@@ -73,7 +72,7 @@ struct Way {
     planar: bool,
 }
 
-impl<S: Real, const K: usize> Images<'_, S, K> {
+impl<const K: usize> Images<'_, K> {
     /// Gives the vertices of turned triangles new images, then those of rings around them where that does not help. A patch is kept only if fewer of its triangles are turned. Vertices of `held` stay.
     /// `O(F)`, and what turned triangles take, within bounds.
     pub(super) fn repair(&mut self, held: &[bool]) -> Repaired {
@@ -161,9 +160,9 @@ impl<S: Real, const K: usize> Images<'_, S, K> {
     /// Where a vertex goes, the search starting from a triangle of the source.
     fn see(&self, v: usize, start: u32, normals: &[DVec3]) -> Seen {
         let starts = self.shapes.target.topology.triangles[self.first(v)?].map(|v| self.starts[v as usize]);
-        let image = self.source.project_near(&cast(&self.z[v]), start, &starts);
-        let projected = SurfacePoint::new(image.face, image.x.map(|x| x.to_f64()));
-        let distance = image.distance_squared.to_f64().sqrt();
+        let image = self.source.project_near(&self.z[v], start, &starts);
+        let projected = SurfacePoint::new(image.face, image.x);
+        let distance = image.distance_squared.sqrt();
         // As the field itself guards them.
         let p = if image.face != NONE && distance <= GUARD {
             projected
@@ -182,8 +181,8 @@ impl<S: Real, const K: usize> Images<'_, S, K> {
     /// The image of a point of the source itself: where its surface is creased sharply, the projection of a point need not be that point.
     fn projected(&self, p: &SurfacePoint, normals: &[DVec3]) -> Option<Image> {
         let c = Closest { face: p.face, x: p.barycentric, distance_squared: 0.0 };
-        let image = self.source.project_near(&cast(&self.closest.point(&c)), p.face, &[self.closest.vertex(&c); 3]);
-        let there = SurfacePoint::new(image.face, image.x.map(|x| x.to_f64()));
+        let image = self.source.project_near(&self.closest.point(&c), p.face, &[self.closest.vertex(&c); 3]);
+        let there = SurfacePoint::new(image.face, image.x);
         (image.face != NONE).then(|| self.image(&there, normals))
     }
 

@@ -134,6 +134,10 @@ impl<M: HostMap> PointMap for DeviceMap<M> {
         Ok(())
     }
 
+    fn handed_back(&self) -> Option<u64> {
+        Some(self.left_to_reference())
+    }
+
     fn field(&self) -> Option<&FieldReport> {
         self.map.field()
     }

@@ -30,7 +30,7 @@ use crate::error::Result;
 use crate::surface::Embedding;
 use crate::surface::anchors::AnchorPairs;
 use crate::surface::correspondence::{
-    CorrespondenceOptions, Method, Precision, Shape, WeightedAverages, correspondence, dimension,
+    CorrespondenceOptions, Method, Precision, Shape, WeightedAverages, completed, correspondence, dimension,
 };
 use crate::surface::field::Field;
 use crate::surface::packed::PointMap;
@@ -90,10 +90,13 @@ pub fn correspondence_on(
     let (padded_source, padded_target) = (padded(&source), padded(&target));
     let source = Shape { embedding: padded_source.as_ref().or(source.embedding), ..source };
     let target = Shape { embedding: padded_target.as_ref().or(target.embedding), ..target };
-    if options.method == Method::Field {
-        let field = Field::new::<8>(source, target, anchors, &options.field())?;
-        return Ok((Box::new(DeviceMap::<Field<f32, 12>>::new(engine, field)?), None));
-    }
-    let map = WeightedAverages::new(source, target, anchors, &options)?;
-    Ok((Box::new(DeviceMap::<WeightedAverages<f32, 8>>::new(engine, map)?), None))
+    let map = completed(source, target, anchors, &options, |source, target| {
+        if options.method == Method::Field {
+            let field = Field::new::<8>(source, target, anchors, &options.field())?;
+            return Ok(Box::new(DeviceMap::<Field<f32, 12>>::new(engine, field)?));
+        }
+        let map = WeightedAverages::new(source, target, anchors, &options)?;
+        Ok(Box::new(DeviceMap::<WeightedAverages<f32, 8>>::new(engine, map)?))
+    })?;
+    Ok((map, None))
 }

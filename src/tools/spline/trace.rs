@@ -265,7 +265,7 @@ impl<const D: usize> Tracer<'_, D> {
     fn root(&self, face: u32, u: f64) -> Option<[f64; 3]> {
         let mean = self.span.mean(u);
         let triangle = self.span.curve.forward.surface().triangle(face);
-        let (Root::Inside(x) | Root::Outside(x)) = triangle.project(&mean, [1.0 / 3.0; 3], BEYOND);
+        let (Root::Inside(x) | Root::Outside(x)) = triangle.project(&mean, BEYOND);
         let [r, s] = triangle.residual(&mean, &x);
         (r.abs() <= RESIDUAL && s.abs() <= RESIDUAL).then_some(x)
     }

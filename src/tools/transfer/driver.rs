@@ -68,7 +68,7 @@ pub fn transfer_on(
         }
         plan => plan?,
     };
-    let mut watch = Stopwatch::new();
+    let mut watch = Stopwatch::on(engine);
     let shapes = layers[0].texture_of(source);
     let tiled = layers.iter().any(|l| l.face_texture.is_some());
     let table = source_triangles(source, tiled, |t| {

@@ -148,6 +148,7 @@ impl TransferStats {
                 Some(known) => {
                     known.seconds += stage.seconds;
                     known.cpu_seconds = known.cpu_seconds.zip(stage.cpu_seconds).map(|(a, b)| a + b);
+                    known.on_device |= stage.on_device;
                 }
                 None => self.stages.push(stage.clone()),
             }

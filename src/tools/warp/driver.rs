@@ -115,7 +115,7 @@ pub fn warp_picture(
         }
     }
     let memory = check_memory(image, [width, height], options)?;
-    let mut watch = Stopwatch::new();
+    let mut watch = Stopwatch::on(engine);
     let pyramid = Pyramid::new(image, options.encoding)?;
     watch.lap("pyramid");
     let job = Job { engine, image, map, options, pyramid };

@@ -323,10 +323,12 @@ impl Job<'_> {
         let stage = |name: &str| s.stages.iter().find(|t| t.name == name).and_then(|t| t.cpu_seconds);
         let per_texel = stage("map").filter(|_| s.covered > 0).map(|t| 1e9 * t / 2.0 / s.covered as f64);
         let d = vertices.distortion;
+        session.handed_back = map.handed_back();
         let mut report = session.report(command);
         for t in &s.stages {
             report["seconds"][format!("transfer.{}", t.name)] = json!(t.seconds);
             report["cpu_seconds"][format!("transfer.{}", t.name)] = json!(t.cpu_seconds);
+            report["stages_on"][format!("transfer.{}", t.name)] = json!(session.ran_on(t));
         }
         let extra = json!({
             "method": method.name(),
