@@ -78,9 +78,9 @@ fn largest_fan(topology: &Topology, v: u32) -> (Vec<u32>, bool) {
                 let Some(third) = triangle.into_iter().find(|&w| w != v && w != enter) else { return false };
                 let Some(k) = triangle.iter().position(|&w| w == enter) else { return false };
                 let across = topology.neighbours[around[t] as usize][k];
-                match around.iter().position(|&s| s == across) {
-                    Some(next) if next == first => return true,
-                    Some(next) if !taken[next] => {
+                match around.binary_search(&across) {
+                    Ok(next) if next == first => return true,
+                    Ok(next) if !taken[next] => {
                         out.push(third);
                         (t, enter) = (next, third);
                     }

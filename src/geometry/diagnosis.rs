@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::union_find::UnionFind;
 use super::{Mesh, NONE, Topology};
 use crate::{Error, Result};
 
@@ -41,7 +42,7 @@ pub struct Diagnosis {
     pub degenerate_triangles: Vec<u32>,
     /// Usable triangles that have the vertices of an earlier one.
     pub duplicate_triangles: Vec<u32>,
-    /// Used vertices that lie exactly where an earlier one lies.
+    /// Used vertices that lie exactly where an earlier one lies and are not joined with it.
     pub duplicate_positions: usize,
     /// Vertices of no polygon.
     pub unreferenced_vertices: usize,
@@ -70,6 +71,7 @@ impl Diagnosis {
         for v in topology.triangles.iter().flatten() {
             referenced[*v as usize] = true;
         }
+        mesh.spread(&mut referenced);
         Self {
             name: mesh.name.clone(),
             vertices: mesh.vertex_count(),
@@ -194,7 +196,8 @@ impl Edges {
         let mut edge_count = vec![0usize; components.len()];
         let mut manifold = vec![true; components.len()];
         let mut on_bad_edge = vec![false; topology.vertex_count()];
-        let mut loops = Sets::new(topology.vertex_count());
+        let mut loops = UnionFind::new(topology.vertex_count());
+        let mut on_loop = vec![false; topology.vertex_count()];
         for &(a, b, triangles, misoriented) in &self.list {
             let c = topology.vertex_component[a as usize] as usize;
             edge_count[c] += 1;
@@ -204,7 +207,8 @@ impl Edges {
             }
             if triangles == 1 {
                 // A boundary edge between two sets of boundary vertices joins them; a loop is what is joined in the end.
-                let new = usize::from(loops.enter(a)) + usize::from(loops.enter(b));
+                let mut enter = |v: u32| usize::from(!std::mem::replace(&mut on_loop[v as usize], true));
+                let new = enter(a) + enter(b);
                 let joined = usize::from(loops.join(a, b));
                 components[c].boundary_loops = components[c].boundary_loops + new - joined;
             }
@@ -225,42 +229,6 @@ impl Edges {
             component.genus = (manifold[c] && odd >= 0 && odd % 2 == 0).then_some((odd / 2) as usize);
         }
         several_fans
-    }
-}
-
-/// Disjoint sets of vertices.
-struct Sets {
-    parent: Vec<u32>,
-}
-
-impl Sets {
-    fn new(count: usize) -> Self {
-        Self { parent: vec![NONE; count] }
-    }
-
-    /// Makes `v` a set of its own; false if it is in one.
-    fn enter(&mut self, v: u32) -> bool {
-        let new = self.parent[v as usize] == NONE;
-        if new {
-            self.parent[v as usize] = v;
-        }
-        new
-    }
-
-    fn root(&mut self, mut v: u32) -> u32 {
-        while self.parent[v as usize] != v {
-            let up = self.parent[self.parent[v as usize] as usize];
-            self.parent[v as usize] = up;
-            v = up;
-        }
-        v
-    }
-
-    /// Joins two sets; false if they are one.
-    fn join(&mut self, a: u32, b: u32) -> bool {
-        let (a, b) = (self.root(a), self.root(b));
-        self.parent[a.max(b) as usize] = a.min(b);
-        a != b
     }
 }
 

@@ -3,6 +3,7 @@
 use glam::{DVec2, DVec3};
 
 use super::material::Material;
+use super::triangulate::triangulate;
 
 /// Marks a missing index (no texture coordinate, no neighbour).
 pub const NONE: u32 = u32::MAX;
@@ -20,9 +21,11 @@ pub struct Corner {
 
 /// A polygon mesh with texture coordinates, groups and materials in file order, and its triangles.
 ///
-/// A vertex index is the position of its line in the file whatever is unused. Triangle indices count the fan triangulation of
-/// each polygon from its first corner, in file order; degenerate triangles keep their number. Positions are in the file's
-/// units and axes; texture row v = 1 is the top of the picture.
+/// A vertex index is the position of its line in the file whatever is unused. A polygon of n corners has n - 2 triangles: the
+/// fan from its first corner where that lies inside it, as it does in every convex polygon, else triangles between its corners that
+/// do (`geometry::triangulate`). Triangle indices count them polygon by polygon in file order, those of one polygon in the order of
+/// their lowest, then middle, then highest corner, which is also the order in which a triangle names its corners. Degenerate triangles keep their
+/// number, and moving vertices changes none. Positions are in the file's units and axes; texture row v = 1 is the top of the picture.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
     /// Where it came from; used in messages.
@@ -113,6 +116,12 @@ impl Mesh {
         self.triangles[t].map(|c| self.corners[c as usize].vertex)
     }
 
+    /// Where the three corners of triangle `t` stand in its polygon, ascending.
+    pub fn triangle_places(&self, t: usize) -> [usize; 3] {
+        let first = self.polygon_start[self.triangle_polygon[t] as usize];
+        self.triangles[t].map(|c| (c - first) as usize)
+    }
+
     /// The vertices of all triangles.
     pub fn triangles(&self) -> Vec<[u32; 3]> {
         (0..self.triangle_count()).map(|t| self.triangle(t)).collect()
@@ -192,6 +201,44 @@ impl Mesh {
         }
     }
 
+    /// Joins vertices as they are joined in `other`, which has the same vertices.
+    ///
+    /// # Panics
+    /// If the numbers of vertices differ.
+    pub fn join_as(&mut self, other: &Self) {
+        assert_eq!(self.vertex_count(), other.vertex_count(), "the same vertices");
+        self.join((0..self.vertex_count() as u32).map(|v| other.representative(v)).collect());
+    }
+
+    /// Whether the polygons name the same vertices of their files, in the same order.
+    pub fn has_polygons_of(&self, other: &Self) -> bool {
+        let vertices = |m: &Self, p: usize| m.file_polygon(p).map(|c| c.vertex).collect::<Vec<_>>();
+        self.vertex_count() == other.vertex_count()
+            && self.polygon_start == other.polygon_start
+            && (0..self.polygon_count()).all(|p| vertices(self, p) == vertices(other, p))
+    }
+
+    /// Takes the triangles and the joined vertices of `other`, which has the same polygons: the numbers of a triangulation depend
+    /// on positions, and shapes of one connectivity need one.
+    ///
+    /// # Panics
+    /// If the numbers of vertices or corners differ.
+    pub fn connect_as(&mut self, other: &Self) {
+        assert_eq!(self.corners.len(), other.corners.len(), "the same polygons");
+        self.triangles.clone_from(&other.triangles);
+        self.triangle_polygon.clone_from(&other.triangle_polygon);
+        self.join_as(other);
+    }
+
+    /// The same mesh with what `change` makes of the texture coordinate and normal of each corner; the vertices stay.
+    pub fn with_corners(&self, mut change: impl FnMut(Corner) -> Corner) -> Self {
+        let mut mesh = self.clone();
+        for corner in &mut mesh.corners {
+            *corner = Corner { vertex: corner.vertex, ..change(*corner) };
+        }
+        mesh
+    }
+
     /// Whether a vertex stands for another one.
     pub fn has_joined_vertices(&self) -> bool {
         self.representatives.iter().enumerate().any(|(v, &r)| v != r as usize)
@@ -201,6 +248,32 @@ impl Mesh {
     /// `v` itself.
     pub fn representative(&self, v: u32) -> u32 {
         self.representatives.get(v as usize).copied().unwrap_or(v)
+    }
+
+    /// Whether `v` is repeated by the file: another vertex stands for it.
+    pub fn is_repeated(&self, v: u32) -> bool {
+        self.representative(v) != v
+    }
+
+    /// Moves every joined vertex as its representative was moved from `self` to `positions`.
+    pub fn spread_positions(&self, positions: &mut [DVec3]) {
+        for v in 0..self.representatives.len().min(positions.len()) {
+            let r = self.representatives[v] as usize;
+            if r != v {
+                // Exactly the same place where they lie on one another.
+                positions[v] = positions[r] + (self.positions[v] - self.positions[r]);
+            }
+        }
+    }
+
+    /// As [`Mesh::spread`], for rows of `columns` values.
+    pub fn spread_rows<T: Copy>(&self, columns: usize, values: &mut [T]) {
+        for v in 0..self.representatives.len().min(values.len() / columns.max(1)) {
+            let r = self.representatives[v] as usize;
+            if r != v {
+                values.copy_within(r * columns..(r + 1) * columns, v * columns);
+            }
+        }
     }
 
     /// Gives every joined vertex what its representative has. `values` holds one entry a vertex.
@@ -251,29 +324,38 @@ pub struct MeshBuilder {
     pub material: u32,
     /// Group of the polygons that follow, or [`NONE`].
     pub group: u32,
+    /// Polygons that have their triangles.
+    triangulated: usize,
+    /// Joined vertices of a mesh that is built on.
+    joined: Vec<u32>,
 }
 
 impl MeshBuilder {
     /// An empty mesh.
     pub fn new(name: impl Into<String>) -> Self {
         let mesh = Mesh { name: name.into(), polygon_start: vec![0], ..Mesh::default() };
-        Self { mesh, material: NONE, group: NONE }
+        Self { mesh, material: NONE, group: NONE, triangulated: 0, joined: Vec::new() }
     }
 
-    /// Appends a polygon, triangulated as a fan from its first corner. Fewer than three corners make a polygon without triangles.
+    /// Adds to a mesh, whose numbers, triangles and joined vertices stay.
+    pub fn onto(mut mesh: Mesh) -> Self {
+        let joined = mesh.representatives.clone();
+        mesh.join((0..mesh.vertex_count() as u32).collect());
+        Self { triangulated: mesh.polygon_count(), mesh, material: NONE, group: NONE, joined }
+    }
+
+    /// Appends a polygon. Fewer than three corners make a polygon without triangles.
     pub fn polygon(&mut self, corners: impl IntoIterator<Item = Corner>) {
         let m = &mut self.mesh;
-        let first = m.corners.len() as u32;
         m.corners.extend(corners);
-        let end = m.corners.len() as u32;
-        let polygon = m.polygon_start.len() as u32 - 1;
-        m.polygon_start.push(end);
+        m.polygon_start.push(m.corners.len() as u32);
         m.polygon_material.push(self.material);
         m.polygon_group.push(self.group);
-        for k in first + 2..end {
-            m.triangles.push([first, k - 1, k]);
-            m.triangle_polygon.push(polygon);
-        }
+    }
+
+    /// Whether some polygon has three corners or more.
+    pub fn has_faces(&self) -> bool {
+        self.mesh.polygon_start.windows(2).any(|w| w[1] - w[0] > 2)
     }
 
     /// All corners so far, for readers that can check an index only at the end of the file.
@@ -281,12 +363,12 @@ impl MeshBuilder {
         &mut self.mesh.corners
     }
 
-    /// The finished mesh.
+    /// The finished mesh, with its triangles. O(corners log corners) at worst.
     ///
     /// # Panics
     /// If a corner, material or group index is out of range.
     pub fn build(self) -> Mesh {
-        let m = self.mesh;
+        let mut m = self.mesh;
         let ok = |i: u32, n: usize| i == NONE || (i as usize) < n;
         for c in &m.corners {
             assert!((c.vertex as usize) < m.positions.len(), "vertex {} of {}", c.vertex, m.positions.len());
@@ -297,6 +379,18 @@ impl MeshBuilder {
         }
         assert!(m.polygon_material.iter().all(|&i| ok(i, m.materials.len())), "material out of range");
         assert!(m.polygon_group.iter().all(|&i| ok(i, m.groups.len())), "group out of range");
+        for p in self.triangulated..m.polygon_count() {
+            let first = m.polygon_start[p];
+            let positions: Vec<DVec3> = m.polygon(p).iter().map(|c| m.positions[c.vertex as usize]).collect();
+            let triangles = if positions.len() < 3 { Vec::new() } else { triangulate(&positions) };
+            m.triangle_polygon.extend(triangles.iter().map(|_| p as u32));
+            m.triangles.extend(triangles.into_iter().map(|t| t.map(|k| first + k)));
+        }
+        if !self.joined.is_empty() {
+            let mut joined = self.joined;
+            joined.extend(joined.len() as u32..m.vertex_count() as u32);
+            m.join(joined);
+        }
         m
     }
 }
@@ -327,6 +421,44 @@ mod tests {
         mesh.join(vec![0, 1, 2, 3, 4, 5]);
         assert_eq!(mesh.triangles(), [[0, 1, 2], [3, 4, 5]]);
         assert!(!mesh.has_joined_vertices());
+    }
+
+    #[test]
+    fn a_mesh_that_is_built_on_keeps_its_numbers() {
+        let mut mesh = halves();
+        mesh.join(vec![0, 1, 2, 0, 2, 5]);
+        let mut builder = MeshBuilder::onto(mesh.clone());
+        builder.mesh.positions.push(DVec3::Z);
+        builder.polygon([3, 4, 6].map(|vertex| Corner { vertex, texcoord: NONE, normal: NONE }));
+        let more = builder.build();
+        assert_eq!(more.triangles(), [[0, 1, 2], [0, 2, 5], [0, 2, 6]]);
+        assert_eq!(more.file_triangle_corners(2).map(|c| c.vertex), [3, 4, 6]);
+        let moved: Vec<DVec3> = mesh.positions.iter().map(|p| *p * 2.0).collect();
+        let mut spread = moved.clone();
+        (spread[3], spread[4]) = (DVec3::ONE, DVec3::ONE);
+        mesh.spread_positions(&mut spread);
+        assert_eq!(spread, moved);
+    }
+
+    #[test]
+    fn polygons_are_triangulated_inside_and_moving_changes_no_number() {
+        let mut builder = MeshBuilder::new("l");
+        let l = [[2.0, 0.0], [2.0, 1.0], [1.0, 1.0], [1.0, 2.0], [0.0, 2.0], [0.0, 0.0]];
+        builder.mesh.positions = l.map(|[x, y]| DVec3::new(x, y, 0.0)).to_vec();
+        let corner = |vertex| Corner { vertex, texcoord: NONE, normal: NONE };
+        builder.polygon([0, 1, 2].map(corner));
+        builder.polygon([0, 1].map(corner));
+        builder.polygon([0, 1, 2, 3, 4, 5].map(corner));
+        assert!(builder.has_faces());
+        let mut mesh = builder.build();
+        assert_eq!((mesh.triangle_count(), mesh.triangle_polygon(1)), (5, 2));
+        assert!((mesh.area() - 3.5).abs() < 1e-15);
+        for t in 1..5 {
+            assert_eq!(mesh.triangle_places(t).map(|k| k as u32), mesh.triangle(t));
+        }
+        let triangles = mesh.triangles();
+        mesh.positions[2] = DVec3::new(3.0, 3.0, 0.0);
+        assert_eq!(mesh.with_corners(|c| c).triangles(), triangles);
     }
 
     #[test]

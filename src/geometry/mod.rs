@@ -16,6 +16,7 @@ pub mod surface_point;
 pub mod tangent_frames;
 pub mod texcoords;
 pub mod topology;
+mod triangulate;
 pub(crate) mod union_find;
 pub mod weld;
 

@@ -309,8 +309,11 @@ impl AnchorList {
                 if v as usize >= mesh.vertex_count() {
                     return fail(format!("vertex {v} of {}", mesh.vertex_count()), swapped);
                 }
-                let Some((&t, corner)) =
-                    topology.vertex_triangles(v).first().and_then(|t| Some((t, topology.corner_of(*t, v)?)))
+                let representative = mesh.representative(v);
+                let Some((&t, corner)) = topology
+                    .vertex_triangles(representative)
+                    .first()
+                    .and_then(|t| Some((t, topology.corner_of(*t, representative)?)))
                 else {
                     return fail(format!("vertex {v} belongs to no usable triangle"), elsewhere);
                 };

@@ -51,7 +51,7 @@ pub(crate) fn finish(mut builder: MeshBuilder, mut notes: Notes, path: &Path) ->
             }
         }
     }
-    if mesh.triangle_count() == 0 {
+    if !builder.has_faces() {
         let what = format!("there is no face with three or more corners ({count} vertices)");
         return Err(Error::format(path, None, what, "Export a surface mesh, with faces"));
     }

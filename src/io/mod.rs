@@ -46,7 +46,7 @@ pub mod texture_name;
 use std::io::Read;
 use std::path::Path;
 
-use crate::geometry::Mesh;
+use crate::geometry::{Mesh, Weld, weld};
 use crate::{Error, Result};
 
 pub use anchors::{AnchorList, AnchorPairs, AnchorSpec, ResolvedAnchor};
@@ -81,13 +81,29 @@ enum MeshFormat {
     Gltf,
 }
 
-/// Reads a mesh from an OBJ, PLY, OFF, glTF or GLB file.
-///
-/// The content decides where it is unmistakable, else the extension. See [`obj`], [`ply`], [`off`] and [`gltf_read`] for what is kept.
+/// How a mesh is read.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ReadOptions {
+    /// Which repeated vertices are joined for the computation.
+    pub weld: Weld,
+}
+
+/// Reads a mesh from an OBJ, PLY, OFF, glTF or GLB file, with the default options.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] with the line or element and the remedy.
+/// As [`read_mesh_with`].
 pub fn read_mesh(path: impl AsRef<Path>) -> Result<LoadedMesh> {
+    read_mesh_with(path, &ReadOptions::default())
+}
+
+/// Reads a mesh from an OBJ, PLY, OFF, glTF or GLB file.
+///
+/// The content decides where it is unmistakable, else the extension. See [`obj`], [`ply`], [`off`] and [`gltf_read`] for what is kept. Vertices
+/// that the file repeats are joined ([`weld`]); the readers of the single formats leave them apart.
+///
+/// # Errors
+/// [`Error::Io`]; [`Error::Format`] with the line or element and the remedy; [`Error::Option`] for a tolerance that does not fit the mesh.
+pub fn read_mesh_with(path: impl AsRef<Path>, options: &ReadOptions) -> Result<LoadedMesh> {
     let path = path.as_ref();
     let mut head = Vec::new();
     let read = source::open(path)?.take(256).read_to_end(&mut head);
@@ -106,6 +122,10 @@ pub fn read_mesh(path: impl AsRef<Path>) -> Result<LoadedMesh> {
     }?;
     if by_name.is_some_and(|named| named != format) {
         loaded.warnings.push(format!("the content is {format:?}, whatever the extension says"));
+    }
+    if format != MeshFormat::Gltf {
+        let welded = weld::weld(&mut loaded.mesh, options.weld, &[])?;
+        loaded.warnings.extend(welded.notes());
     }
     Ok(loaded)
 }
@@ -139,6 +159,29 @@ fn sniff(head: &[u8]) -> Option<MeshFormat> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn repeated_vertices_are_joined_unless_told_otherwise() {
+        let dir = tempfile::tempdir().unwrap();
+        let halves = "0 0 0\n1 0 0\n1 1 0\n0 0 0\n1 1 0\n0 1 0\n";
+        let obj = format!("{}f 1 2 3\nf 4 5 6\n", halves.lines().map(|l| format!("v {l}\n")).collect::<String>());
+        let head = "property float x\nproperty float y\nproperty float z\nelement face 2\nproperty list uchar int vertex_indices";
+        let ply = format!("ply\nformat ascii 1.0\nelement vertex 6\n{head}\nend_header\n{halves}3 0 1 2\n3 3 4 5\n");
+        let off = format!("OFF\n6 2 0\n{halves}3 0 1 2\n3 3 4 5\n");
+        for (name, text) in [("a.obj", obj), ("a.ply", ply), ("a.off", off)] {
+            let path = dir.path().join(name);
+            std::fs::write(&path, text).unwrap();
+            let loaded = read_mesh(&path).unwrap();
+            assert_eq!(loaded.mesh.triangles(), [[0, 1, 2], [0, 2, 5]], "{name}");
+            assert!(
+                loaded.warnings[0].starts_with("2 of its vertices are repeated along 1 edge"),
+                "{:?}",
+                loaded.warnings
+            );
+            let apart = read_mesh_with(&path, &ReadOptions { weld: Weld::No }).unwrap();
+            assert_eq!((apart.mesh.triangles(), apart.warnings.len()), (vec![[0, 1, 2], [3, 4, 5]], 0), "{name}");
+        }
+    }
 
     #[test]
     fn content_wins_over_the_extension() {

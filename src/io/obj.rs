@@ -327,7 +327,7 @@ impl<'a> Reader<'a> {
                 }
             }
         }
-        if mesh.triangle_count() == 0 {
+        if !self.builder.has_faces() {
             let what = format!("there is no face with three or more corners ({positions} vertices)");
             return Err(Error::format(self.path, None, what, "Export a surface mesh, with faces, as OBJ"));
         }

@@ -54,7 +54,7 @@ fn write_statements(mesh: &Mesh, path: &Path, w: &mut impl Write) -> std::io::Re
             writeln!(w, "usemtl {}", materials.get(material as usize).map_or("", |m| m))?;
         }
         write!(w, "f")?;
-        for c in mesh.polygon(p) {
+        for c in mesh.file_polygon(p) {
             match (c.texcoord, c.normal) {
                 (NONE, NONE) => write!(w, " {}", c.vertex + 1)?,
                 (t, NONE) => write!(w, " {}/{}", c.vertex + 1, t + 1)?,

@@ -87,7 +87,7 @@ fn write_elements(mesh: &Mesh, properties: &[VertexProperty], w: &mut impl Write
         }
     }
     for p in 0..mesh.polygon_count() {
-        let corners = mesh.polygon(p);
+        let corners = mesh.file_polygon(p);
         if small {
             w.write_all(&[corners.len() as u8])?;
         } else {

@@ -20,7 +20,7 @@ pub struct VertexMap {
     pub valid_fraction: f64,
 }
 
-/// The image of every vertex of `target`, as a corner of its lowest usable triangle; nowhere for vertices of none.
+/// The image of every vertex of `target`, as a corner of its lowest usable triangle; nowhere for vertices of none. Joined vertices have one.
 ///
 /// # Errors
 /// Those of the map.
@@ -41,6 +41,7 @@ pub fn vertex_images(target: &Mesh, topology: &Topology, map: &dyn PointMap) -> 
     for (&v, &image) in vertices.iter().zip(&found) {
         images[v] = image;
     }
+    target.spread(&mut images);
     Ok(images)
 }
 

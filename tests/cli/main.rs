@@ -21,3 +21,4 @@ mod textures;
 mod transfer;
 mod unwrap;
 mod warp;
+mod welding;

@@ -199,7 +199,7 @@ impl Batch<'_> {
             Err(what) => return Ok(Outcome::Failed(what.clone())),
         };
         let place = self.arguments.output.join(&item.name);
-        let loaded = barymap::io::read_mesh(mesh)?;
+        let loaded = barymap::io::read_mesh_with(mesh, &session.common.read_options())?;
         let key = batch_record::target_key(self.key.clone(), &loaded.mesh, anchors)?;
         let there = batch_record::read(&place);
         match there {

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use barymap::Result;
 use barymap::engine::Engine;
 use barymap::geometry::Mesh;
+use barymap::geometry::weld::weld_alike;
 use barymap::mapping::space::{Cage, PartitionKind, PartitionOptions, RESOLUTION};
 use barymap::tools::cage::{CageOptions, Caged, PathKind, map_by_cage, pose};
 use barymap::{Error, io};
@@ -75,8 +76,10 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     if software && matches!(common.backend, BackendName::Auto) {
         session.engine = Engine::cpu();
     }
-    let mut model = read(&session, &arguments.mesh)?;
-    let cage = Cage::new(&read(&session, &arguments.from)?, &read(&session, &arguments.to)?)?;
+    let mut model = session.read(&arguments.mesh)?;
+    let mut cages = [session.read(&arguments.from)?, session.read(&arguments.to)?];
+    weld_alike(&mut cages, common.weld)?;
+    let cage = Cage::new(&cages[0], &cages[1])?;
     session.watch.lap("read");
     let options = CageOptions {
         path: match arguments.path {
@@ -127,15 +130,6 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         session.engine.description()
     ));
     Ok(())
-}
-
-/// A mesh, faces or not, with what the reader has to say.
-fn read(session: &Session<'_>, path: &std::path::Path) -> Result<Mesh> {
-    let loaded = io::read_mesh(path)?;
-    for warning in &loaded.warnings {
-        session.warn(&format!("{}: {warning}", path.display()));
-    }
-    Ok(loaded.mesh)
 }
 
 /// An error about the model, with its name.

@@ -4,7 +4,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use barymap::engine::{Backend, Engine, EngineOptions};
-use barymap::geometry::{ClosestPoints, Diagnosis, Mesh, SurfacePoint, Topology};
+use barymap::geometry::{ClosestPoints, Diagnosis, Mesh, SurfacePoint, Topology, Weld};
+use barymap::io::ReadOptions;
 use barymap::io::anchors::AnchorList;
 use barymap::io::cache::Cache;
 use barymap::progress::Progress;
@@ -38,6 +39,17 @@ pub(crate) struct Common {
     /// Say nothing but errors
     #[arg(long, short, global = true)]
     pub(crate) quiet: bool,
+    /// Join open edges of a mesh that lie within this distance of one another, which keeps vertex numbers; 0 joins
+    /// those on one another, no joins none
+    #[arg(long, value_name = "TOLERANCE|no", default_value = "0", value_parser = weld, global = true)]
+    pub(crate) weld: Weld,
+}
+
+impl Common {
+    /// How meshes are read.
+    pub(crate) fn read_options(&self) -> ReadOptions {
+        ReadOptions { weld: self.weld }
+    }
 }
 
 /// Names of the back ends.
@@ -65,6 +77,16 @@ fn bytes(text: &str) -> std::result::Result<u64, String> {
     let number: u64 =
         digits.trim().parse().map_err(|_| format!("{text:?} is no size: write 4G, 512M or a number of bytes"))?;
     number.checked_mul(factor).filter(|&n| n > 0).ok_or_else(|| format!("{text:?} is out of range"))
+}
+
+/// `no` or a distance.
+fn weld(text: &str) -> std::result::Result<Weld, String> {
+    match text.trim().parse::<f64>() {
+        _ if text.trim() == "no" => Ok(Weld::No),
+        Ok(0.0) => Ok(Weld::Exact),
+        Ok(tolerance) if tolerance > 0.0 && tolerance.is_finite() => Ok(Weld::Within(tolerance)),
+        _ => Err(format!("{text:?} is no distance: write 0.001 or the like in units of the mesh, or no")),
+    }
 }
 
 /// A line on stdout. Where nobody reads it any more (`barymap ... | head -1`), the work goes on without it.
@@ -148,13 +170,19 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Reads a mesh and tells what is wrong with it.
-    pub(crate) fn mesh(&mut self, path: &Path) -> Result<Surface> {
-        let loaded = barymap::io::read_mesh(path)?;
+    /// Reads a mesh as the common options say, and tells what the reader says.
+    pub(crate) fn read(&self, path: &Path) -> Result<Mesh> {
+        let loaded = barymap::io::read_mesh_with(path, &self.common.read_options())?;
         for warning in &loaded.warnings {
             self.warn(&format!("{}: {warning}", path.display()));
         }
-        let surface = self.surface(loaded.mesh)?;
+        Ok(loaded.mesh)
+    }
+
+    /// Reads a mesh and tells what is wrong with it.
+    pub(crate) fn mesh(&mut self, path: &Path) -> Result<Surface> {
+        let mesh = self.read(path)?;
+        let surface = self.surface(mesh)?;
         self.watch.lap("read");
         Ok(surface)
     }

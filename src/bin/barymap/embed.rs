@@ -23,7 +23,8 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let mut session = Session::start(common)?;
     let mut surface = session.mesh(&arguments.mesh)?;
     session.embed(&mut surface, &arguments.embedding.options())?;
-    let Some(embedding) = &surface.embedding else { return Ok(()) };
+    let Some(embedding) = &mut surface.embedding else { return Ok(()) };
+    surface.mesh.spread_rows(embedding.dimension, &mut embedding.points);
     barymap::io::npy::write_npy(&arguments.output, embedding.dimension, &embedding.points)?;
     session.say(&format!(
         "{}: {} vertices in {} dimensions, {} landmarks, stress {:.5} (relative error of distances {:.1} %)",

@@ -55,8 +55,9 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let mut residuals = None;
     let images = match &points {
         None if arguments.inverse => {
-            let points: Vec<Option<SurfacePoint>> =
-                (0..source.mesh.vertex_count() as u32).map(|v| source.topology.vertex_point(v)).collect();
+            let points: Vec<Option<SurfacePoint>> = (0..source.mesh.vertex_count() as u32)
+                .map(|v| source.topology.vertex_point(source.mesh.representative(v)))
+                .collect();
             let used: Vec<SurfacePoint> = points.iter().flatten().copied().collect();
             let mut found = inverse_map(&source.mesh, &target.mesh, map.as_ref(), &vertices, &used)?.into_iter();
             let found: Vec<Option<PreImage>> = points.iter().map(|p| p.and_then(|_| found.next())).collect();

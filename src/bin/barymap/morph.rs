@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use barymap::encoding::{DecodeReport, HierarchyOptions};
 use barymap::geometry::Mesh;
+use barymap::geometry::weld::weld_alike;
 use barymap::io::gltf_write::own_materials;
 use barymap::io::{GlbAnimation, MorphForm, read_mask, read_vertex_list, write_animated_glb, write_glb};
 use barymap::surface::AnchorPairs;
@@ -111,7 +112,10 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     if let (Some(path), Some(last)) = (&arguments.compatible, surfaces.last()) {
         write_mesh(&last.mesh, path)?;
     }
-    let meshes: Vec<Mesh> = surfaces.into_iter().map(|s| s.mesh).collect();
+    let mut meshes: Vec<Mesh> = surfaces.into_iter().map(|s| s.mesh).collect();
+    if arguments.pairs.is_empty() {
+        weld_alike(&mut meshes, common.weld)?;
+    }
     let anchors = arguments.anchors.as_ref().map(read_vertex_list).transpose()?;
     let borrowed: Vec<&Mesh> = meshes.iter().collect();
     let mut morpher = Morpher::new(&borrowed, anchors.as_deref(), &HierarchyOptions::default())?;

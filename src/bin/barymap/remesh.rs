@@ -68,11 +68,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let base = if arguments.base.as_os_str() == "auto" {
         automatic_base(&surface.mesh, &surface.topology, arguments.base_vertices)?
     } else {
-        let base = barymap::io::read_mesh(&arguments.base)?;
-        for warning in &base.warnings {
-            session.warn(&format!("{}: {warning}", arguments.base.display()));
-        }
-        base.mesh
+        session.read(&arguments.base)?
     };
     session.embed(&mut surface, &arguments.embedding.options())?;
     let options = RemeshOptions {

@@ -21,11 +21,15 @@
 //! 6. Two faces back to back, with three common places, are two sheets and are not folded at their border. What would
 //!    make an inner edge have more than two triangles, or a triangle have two equal corners, stays apart.
 //!
+//! A T-junction, where an open edge runs along several shorter ones, stays cut: the long edge would need a corner
+//! more, and face numbers are those of the file. It is counted, so that it can be told.
+//!
 //! Positions are equal within rounding ([`ROUNDING`]), so that a point computed twice is one point. Within a tolerance of the
 //! user's, edges that are still open are joined with the nearest one, if each is the nearest of the other. The
 //! lowest vertex stands for those joined with it, at its own position.
 
 mod grouping;
+mod junctions;
 mod pairing;
 mod places;
 mod sides;
@@ -66,6 +70,8 @@ pub struct Welded {
     pub crowded: usize,
     /// Pairs of open edges in closed slits; they stay apart.
     pub slits: usize,
+    /// Open edges that run along several shorter ones; they stay apart.
+    pub junctions: usize,
 }
 
 impl Welded {
@@ -100,8 +106,32 @@ impl Welded {
                 counted(self.slits, "edge", "edges")
             ));
         }
+        if self.junctions > 0 {
+            said.push(format!(
+                "{} along several shorter ones (T-junctions): the surface is cut there, and what lies beside is less reliable; \
+                 split the long edges at the corners on them",
+                counted(self.junctions, "open edge runs", "open edges run")
+            ));
+        }
         said
     }
+}
+
+/// Joins the vertices of shapes of one connectivity alike: those that are one point in all of them. The shapes with the polygons of the first
+/// take its triangles as well; others stay as they are.
+///
+/// # Errors
+/// As [`weld`].
+pub fn weld_alike(meshes: &mut [Mesh], rule: Weld) -> Result<()> {
+    let Some((first, others)) = meshes.split_first_mut() else { return Ok(()) };
+    let mut alike: Vec<&mut Mesh> = others.iter_mut().filter(|m| m.has_polygons_of(first)).collect();
+    if alike.is_empty() {
+        return Ok(());
+    }
+    let layers: Vec<&[DVec3]> = alike.iter().map(|m| &m.positions[..]).collect();
+    weld(first, rule, &layers)?;
+    alike.iter_mut().for_each(|m| m.connect_as(first));
+    Ok(())
 }
 
 /// Joins the vertices of `mesh` that are one point of the surface ([`Mesh::join`]), by the rule of this module.
@@ -140,9 +170,10 @@ pub fn weld(mesh: &mut Mesh, weld: Weld, layers: &[&[DVec3]]) -> Result<Welded> 
     if let Some(tolerance) = wide {
         pairing::nearest(&sides, &all, tolerance, &mut found);
     }
+    let junctions = junctions::count(&sides, &found.alone(), &place, &mesh.positions);
     let (pairs, slits) = sides::without_slits(mesh, &topology, &sides, found.pairs);
     let (representatives, edges) = grouping::representatives(&topology, &sides, &pairs);
     let vertices = representatives.iter().enumerate().filter(|(v, r)| *v != **r as usize).count();
     mesh.join(representatives);
-    Ok(Welded { vertices, edges, turned: found.turned, crowded: found.crowded, slits })
+    Ok(Welded { vertices, edges, turned: found.turned, crowded: found.crowded, slits, junctions })
 }

@@ -22,6 +22,15 @@ pub(super) struct Found {
     alone: Vec<u32>,
 }
 
+impl Found {
+    /// The sides that lie on no other and were not paired since.
+    pub(super) fn alone(&self) -> Vec<u32> {
+        let mut paired: Vec<u32> = self.pairs.iter().flat_map(|&(s, t)| [s, t]).collect();
+        paired.sort_unstable();
+        self.alone.iter().copied().filter(|s| paired.binary_search(s).is_err()).collect()
+    }
+}
+
 /// The pairs among sides that lie on one another. O(n log n).
 pub(super) fn pairs(mesh: &Mesh, topology: &Topology, sides: &[Side], place: &[u32]) -> Found {
     let copy = copies(topology, sides, place);

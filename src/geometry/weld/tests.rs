@@ -304,6 +304,75 @@ fn another_layer_keeps_vertices_apart() {
 }
 
 #[test]
+fn t_junctions_are_counted() {
+    // A triangle below an edge of length 4, and three above it with corners at 1 and 3.
+    let p = [
+        [0.0; 3],
+        [4.0, 0.0, 0.0],
+        [2.0, -1.0, 0.0],
+        [0.0; 3],
+        [1.0, 0.0, 0.0],
+        [3.0, 0.0, 0.0],
+        [4.0, 0.0, 0.0],
+        [2.0, 2.0, 0.0],
+    ];
+    let mut cracked = mesh(&p, &[[1, 0, 2], [3, 4, 7], [4, 5, 7], [5, 6, 7]]);
+    let report = weld(&mut cracked, Weld::Exact, &[]).unwrap();
+    assert_eq!((report.junctions, report.vertices), (1, 0));
+    assert!(report.notes()[0].contains("T-junction"));
+    // A corner that stands off the edge makes a hole, which is no junction.
+    let mut hole = p;
+    hole[4][1] = 0.1;
+    assert_eq!(
+        weld(&mut mesh(&hole, &[[1, 0, 2], [3, 4, 7], [4, 5, 7], [5, 6, 7]]), Weld::Exact, &[]).unwrap().junctions,
+        0
+    );
+    assert_eq!(weld(&mut grid(4), Weld::Exact, &[]).unwrap().junctions, 0);
+}
+
+#[test]
+fn shapes_of_one_connectivity_are_joined_alike() {
+    let welded = uv_sphere(1.0, 8, 6);
+    let (first, mut second) = (shattered(&welded), shattered(&welded));
+    // The second shape has one face that stands off.
+    (0..3).for_each(|v| second.positions[v] *= 2.0);
+    let mut each = [first.clone(), second.clone()];
+    for m in &mut each {
+        weld(m, Weld::Exact, &[]).unwrap();
+    }
+    assert_ne!(each[0].triangles(), each[1].triangles());
+    weld_alike(&mut each, Weld::Exact).unwrap();
+    assert_eq!(each[0].triangles(), each[1].triangles());
+    assert_eq!(diagnosis(&each[0]).components.len(), 2);
+    // Another connectivity is left alone.
+    let mut other = [first, grid(3)];
+    weld_alike(&mut other, Weld::Exact).unwrap();
+    assert!(!other[0].has_joined_vertices());
+}
+
+#[test]
+fn polygons_of_one_connectivity_have_one_triangulation() {
+    let quad = |inner: usize| {
+        let mut builder = MeshBuilder::new("quad");
+        builder.mesh.positions = vec![DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Y];
+        builder.mesh.positions[inner] = DVec3::new(0.4, 0.4, 0.0) + 0.2 * DVec3::new((inner / 2) as f64, 0.0, 0.0);
+        builder.polygon([0, 1, 2, 3].map(|vertex| Corner { vertex, texcoord: NONE, normal: NONE }));
+        builder.build()
+    };
+    let mut shapes = [quad(2), quad(1)];
+    shapes[1].positions[1] = DVec3::new(0.3, 0.4, 0.0);
+    let mut shapes = shapes.map(|m| {
+        let mut builder = MeshBuilder::new("again");
+        builder.mesh.positions = m.positions.clone();
+        builder.polygon(m.file_polygon(0));
+        builder.build()
+    });
+    assert_ne!(shapes[0].triangles(), shapes[1].triangles());
+    weld_alike(&mut shapes, Weld::Exact).unwrap();
+    assert_eq!(shapes[0].triangles(), shapes[1].triangles());
+}
+
+#[test]
 fn rounding_is_no_gap_and_a_tolerance_bridges_more() {
     let welded = uv_sphere(1.0, 12, 8);
     let shaken = |size: f64, shift: f64| {

@@ -5,7 +5,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::geometry::cholesky::SparseCholesky;
+use crate::geometry::cholesky::{LONGEST, SparseCholesky};
 use crate::geometry::{Laplacian, SparseRows};
 
 /// Columns of the system assembled by one task.
@@ -65,12 +65,13 @@ pub(crate) fn least_squares_mesh(
     ))
 }
 
-/// The normal equations of the free vertices: lower half by columns, and right-hand sides.
+/// The normal equations of the free vertices: lower half by columns, and right-hand sides. Long rows of M^-1/2 L border them.
 struct System {
     starts: Vec<usize>,
     rows: Vec<usize>,
     values: Vec<f64>,
     right: Mat<f64>,
+    border: usize,
 }
 
 impl System {
@@ -93,6 +94,8 @@ impl System {
         for (i, &v) in free.iter().enumerate() {
             index[v as usize] = i;
         }
+        let long: Vec<u32> = (0..n as u32).filter(|&r| rows.row(r as usize).0.len() > LONGEST).collect();
+        let root = |r: u32| laplacian.mass[r as usize].max(least).sqrt();
         // Column by column: entry (j, i) is the sum over rows r of L_ri L_rj / m_r.
         let blocks: Vec<Block> = free
             .par_chunks(BLOCK)
@@ -110,6 +113,9 @@ impl System {
                     };
                     let (at, values) = columns.row(v as usize);
                     for (&r, &value) in at.iter().zip(values) {
+                        if rows.row(r as usize).0.len() > LONGEST {
+                            continue;
+                        }
                         let factor = value / laplacian.mass[r as usize].max(least);
                         let (others, entries) = rows.row(r as usize);
                         others.iter().zip(entries).for_each(|(&j, &x)| add(j, factor * x));
@@ -132,6 +138,12 @@ impl System {
                             block.values.push(value);
                         }
                     }
+                    for (&r, &value) in at.iter().zip(values) {
+                        if let Ok(k) = long.binary_search(&r) {
+                            block.rows.push(free.len() + k);
+                            block.values.push(value / root(r));
+                        }
+                    }
                     block.counts.push(block.rows.len() - begin);
                     touched.clear();
                 }
@@ -140,7 +152,7 @@ impl System {
             .collect();
         let mut starts = vec![0];
         let (mut row_indices, mut values) = (Vec::new(), Vec::new());
-        let mut right = Mat::zeros(free.len(), dimension);
+        let mut right = Mat::zeros(free.len() + long.len(), dimension);
         let mut i = 0;
         for block in blocks {
             for (row, count) in block.right.chunks_exact(dimension).zip(&block.counts) {
@@ -151,13 +163,27 @@ impl System {
             row_indices.extend(block.rows);
             values.extend(block.values);
         }
-        Self { starts, rows: row_indices, values, right }
+        for (k, &r) in long.iter().enumerate() {
+            let (others, entries) = rows.row(r as usize);
+            for (&j, &x) in others.iter().zip(entries) {
+                if let Some(row) = place[j as usize] {
+                    for d in 0..dimension {
+                        right[(free.len() + k, d)] -= x / root(r) * targets[row * dimension + d];
+                    }
+                }
+            }
+            row_indices.push(free.len() + k);
+            values.push(-1.0);
+            starts.push(row_indices.len());
+        }
+        Self { starts, rows: row_indices, values, right, border: long.len() }
     }
 
     /// The solution, or `None` if the matrix is not numerically positive definite.
     fn solve(self) -> Result<Option<Mat<f64>>> {
         let what = "the least-squares mesh of the embedding";
-        let Some(factor) = SparseCholesky::new(what, self.starts, self.rows, self.values)? else { return Ok(None) };
+        let factor = SparseCholesky::new(what, self.starts, self.rows, self.values, self.border)?;
+        let Some(factor) = factor else { return Ok(None) };
         let mut x = self.right;
         factor.solve(&mut x)?;
         let finite = (0..x.ncols()).all(|k| x.col_as_slice(k).iter().all(|v| v.is_finite()));
@@ -213,6 +239,51 @@ mod tests {
             .flat_map(|v| [[v, v + 1, v + n], [v + n, v + 1, v + n + 1]])
             .collect();
         (p, t)
+    }
+
+    /// A flat disk with `n` vertices in each of three rings around one.
+    fn star(n: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+        let mut p = vec![DVec3::ZERO];
+        for r in [1.0, 2.0, 3.0] {
+            let angle = |i: u32| f64::from(i) / f64::from(n) * std::f64::consts::TAU;
+            p.extend((0..n).map(|i| DVec3::new(r * angle(i).cos(), r * angle(i).sin(), 0.0)));
+        }
+        let at = |r: u32, i: u32| 1 + r * n + i % n;
+        let mut t: Vec<[u32; 3]> = (0..n).map(|i| [0, at(0, i), at(0, i + 1)]).collect();
+        for r in 0..2 {
+            let squares = |i| [[at(r, i), at(r + 1, i), at(r, i + 1)], [at(r, i + 1), at(r + 1, i), at(r + 1, i + 1)]];
+            t.extend((0..n).flat_map(squares));
+        }
+        (p, t)
+    }
+
+    #[test]
+    fn a_vertex_of_many_neighbours_is_solved_for_in_linear_room() {
+        // Below the limit by squares, above it by a border: linear functions are reproduced by both.
+        for n in [40, 70, 700, 4000] {
+            let (p, t) = star(n);
+            // The middle is free, or fixed itself.
+            for fixed in
+                [vec![2, 1 + n, 1 + 2 * n + n / 3, 1 + 2 * n + 2 * n / 3], vec![0, 2, 2 + n, 1 + 2 * n + n / 2]]
+            {
+                let f = |v: u32| [2.0 * p[v as usize].x - p[v as usize].y + 3.0, p[v as usize].y];
+                let targets: Vec<f64> = fixed.iter().flat_map(|&v| f(v)).collect();
+                let x = least_squares_mesh(&p, &t, &fixed, &targets, 2).unwrap();
+                for v in 0..p.len() {
+                    for k in 0..2 {
+                        let off = (x[2 * v + k] - f(v as u32)[k]).abs();
+                        assert!(off < 1e-5, "{n} around: vertex {v} is {off:e} off");
+                    }
+                }
+            }
+        }
+        let (p, t) = star(4000);
+        let laplacian = Laplacian::new(&p, &t);
+        let place: Vec<Option<usize>> = (0..p.len()).map(|v| (v == 7).then_some(0)).collect();
+        let free: Vec<u32> = (0..p.len() as u32).filter(|v| *v != 7).collect();
+        let system = System::new(&p, &t, &laplacian, 1e-8, &free, &place, &[1.0], 1);
+        assert_eq!(system.border, 1);
+        assert!(system.values.len() < 20 * p.len());
     }
 
     #[test]

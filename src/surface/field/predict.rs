@@ -59,9 +59,13 @@ impl<'a, const D: usize, const M: usize> Predictor<'a, D, M> {
         if self.judged.is_empty() { &self.left_out } else { &self.judged }
     }
 
-    /// Root mean square of the errors of left out anchors, the worst tenth passed over.
+    /// Root mean square of the errors of left out anchors, the worst tenth passed over. Infinite where one is no number:
+    /// not even the worst tenth may be, because a mixture leaves out other anchors than this.
     pub(super) fn error(&self) -> f64 {
         let mut squares: Vec<f64> = self.misses().iter().map(|e| e.iter().map(|x| x * x).sum()).collect();
+        if squares.iter().any(|s| !s.is_finite()) {
+            return f64::INFINITY;
+        }
         squares.sort_by(f64::total_cmp);
         let kept = squares.len() - squares.len() / 10;
         (squares[..kept].iter().sum::<f64>() / kept as f64).sqrt()
@@ -351,6 +355,22 @@ mod tests {
         assert!((0..2).all(|k| (a[k] - b[k]).abs() < 1e-12), "{a:?} {b:?}");
         joined[0].1 *= 1.01;
         assert!(at(&joined) != b);
+    }
+
+    #[test]
+    fn a_prediction_that_is_no_number_somewhere_is_not_mixed() {
+        // Of twenty anchors the worst two are passed over, each prediction's own.
+        let misses = |f: &dyn Fn(usize) -> f64| (0..20).map(|i| [f(i), 0.1]).collect::<Vec<_>>();
+        let named = |name, left_out| Predictor::<4, 2>::new(name, left_out, Box::new(|_, _| [0.0; 2]));
+        let good = || named("good", misses(&|i| 0.1 + 0.01 * i as f64));
+        let other = || named("other", misses(&|i| -0.2 - 0.01 * (i % 7) as f64));
+        for wrong in [f64::NAN, f64::INFINITY, 1e200] {
+            let bad = named("bad", misses(&|i| if i == 3 { wrong } else { 0.0 }));
+            assert_eq!(bad.error(), f64::INFINITY);
+            let mixture = mixed(vec![good(), bad, other()]).unwrap();
+            assert!(mixture.parts.iter().all(|(name, w)| *name != "bad" && w.is_finite()), "{:?}", mixture.parts);
+            assert_eq!(mixture.parts, mixed(vec![good(), other()]).unwrap().parts);
+        }
     }
 
     #[test]

@@ -158,7 +158,7 @@ fn smoother(laplacian: &Laplacian, t: f64) -> Result<SparseCholesky> {
         }
         starts.push(rows.len());
     }
-    SparseCholesky::new("diffusion over the surface", starts, rows, values)?.ok_or_else(|| {
+    SparseCholesky::new("diffusion over the surface", starts, rows, values, 0)?.ok_or_else(|| {
         crate::Error::numeric("diffusion over the surface breaks down", "Check the mesh for extremely thin triangles")
     })
 }

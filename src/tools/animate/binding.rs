@@ -74,12 +74,18 @@ impl Binding {
                         format!("marker {name} names vertex {vertex}, {} has {}", mesh.name, mesh.vertex_count());
                     return Err(Error::input(what, "Vertex indices count from 0, in the order of the file"));
                 };
+                mean += *p / vertices.len() as f64;
+                let given = vertex;
+                let vertex = mesh.representative(given);
                 if let Some(other) = bonds.iter().find(|b| b.vertex == vertex) {
+                    if other.point == point && vertex != given {
+                        // The same place, repeated by the file.
+                        continue;
+                    }
                     let what = format!("vertex {vertex} is bound to {} and to {name}", motion.names[other.point]);
                     return Err(Error::input(what, "Bind it to one of them"));
                 }
                 bonds.push(Bond { vertex, point });
-                mean += *p / vertices.len() as f64;
             }
             pairs.push((from, mean));
         }

@@ -126,20 +126,10 @@ pub fn contact_sheet(
 /// `mesh` and eight invisible triangles that extend its bounding box to `-corner .. corner`.
 fn with_corners(mesh: &Mesh, corner: DVec3) -> Mesh {
     use crate::geometry::{Corner, MeshBuilder, NONE};
-    let mut builder = MeshBuilder::new(mesh.name.clone());
+    let mut builder = MeshBuilder::onto(mesh.clone());
     let count = mesh.vertex_count() as u32;
-    builder.mesh.positions.clone_from(&mesh.positions);
     let sign = |k: u32, bit: u32| if k >> bit & 1 == 0 { -1.0 } else { 1.0 };
     builder.mesh.positions.extend((0..8).map(|k| corner * DVec3::new(sign(k, 0), sign(k, 1), sign(k, 2))));
-    builder.mesh.texcoords.clone_from(&mesh.texcoords);
-    builder.mesh.normals.clone_from(&mesh.normals);
-    builder.mesh.materials.clone_from(&mesh.materials);
-    builder.mesh.groups.clone_from(&mesh.groups);
-    for p in 0..mesh.polygon_count() {
-        (builder.material, builder.group) = (mesh.polygon_material(p), mesh.polygon_group(p));
-        builder.polygon(mesh.polygon(p).iter().copied());
-    }
-    (builder.material, builder.group) = (NONE, NONE);
     for vertex in count..count + 8 {
         builder.polygon([Corner { vertex, texcoord: NONE, normal: NONE }; 3]);
     }

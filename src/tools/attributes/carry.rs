@@ -73,8 +73,9 @@ impl<'a> Carrier<'a> {
         let mut values = vec![f64::NAN; n * self.target.vertex_count()];
         values.par_chunks_mut(n).enumerate().for_each(|(v, out)| {
             let Some(image) = self.image(v) else { return };
-            let corners = self.source.triangle(image.face as usize);
-            let rows = corners.map(|c| &attribute.values[c as usize * n..(c as usize + 1) * n]);
+            // A vertex that the file repeats may have other data in each of its places.
+            let corners = self.source.file_triangle_corners(image.face as usize).map(|c| c.vertex as usize);
+            let rows = corners.map(|c| &attribute.values[c * n..(c + 1) * n]);
             let b = image.barycentric;
             let linear = |k: usize| b[0] * rows[0][k] + b[1] * rows[1][k] + b[2] * rows[2][k];
             match attribute.kind {

@@ -76,7 +76,7 @@ pub(crate) fn harmonic(
             }
             starts.push(rows.len());
         }
-        let factor = SparseCholesky::new("the filling of attributes", starts, rows, entries)?;
+        let factor = SparseCholesky::new("the filling of attributes", starts, rows, entries, 0)?;
         Ok(factor.map(|matrix| Factor { matrix, boundary }))
     };
     let factor = match factor(1.0)? {

@@ -163,7 +163,9 @@ pub fn transfer_attributes(
     }
     for a in &mut carried {
         carry::finish(a, &normals);
+        target.0.spread_rows(a.columns, &mut a.values);
     }
+    target.0.spread(&mut status);
     Ok(AttributeTransfer { attributes: carried, status, map: found })
 }
 

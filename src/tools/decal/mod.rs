@@ -194,9 +194,13 @@ pub fn with_texcoords(mesh: &Mesh, decal: &Decal, only_patch: bool) -> Mesh {
     for (p, shows) in shows.iter_mut().enumerate() {
         *shows = *shows && mesh.polygon(p).iter().all(|c| decal.uv[c.vertex as usize].is_some());
     }
+    // Joined vertices are apart again in what is written, with one coordinate.
     let mut used = vec![false; mesh.vertex_count()];
     for p in (0..mesh.polygon_count()).filter(|&p| shows[p]) {
-        mesh.polygon(p).iter().for_each(|c| used[c.vertex as usize] = true);
+        mesh.file_polygon(p)
+            .zip(mesh.polygon(p))
+            .flat_map(|(a, b)| [a.vertex, b.vertex])
+            .for_each(|v| used[v as usize] = true);
     }
     let mut builder = MeshBuilder::new(mesh.name.clone());
     let (mut place, mut coordinate) = (vec![NONE; mesh.vertex_count()], vec![NONE; mesh.vertex_count()]);
@@ -214,13 +218,17 @@ pub fn with_texcoords(mesh: &Mesh, decal: &Decal, only_patch: bool) -> Mesh {
     builder.mesh.groups = mesh.groups.clone();
     for p in (0..mesh.polygon_count()).filter(|&p| shows[p] || !only_patch) {
         builder.group = mesh.polygon_group(p);
-        builder.polygon(mesh.polygon(p).iter().map(|c| Corner {
+        builder.polygon(mesh.file_polygon(p).zip(mesh.polygon(p)).map(|(c, joined)| Corner {
             vertex: place[c.vertex as usize],
-            texcoord: if shows[p] { coordinate[c.vertex as usize] } else { NONE },
+            texcoord: if shows[p] { coordinate[joined.vertex as usize] } else { NONE },
             normal: c.normal,
         }));
     }
-    builder.build()
+    let mut made = builder.build();
+    if !only_patch {
+        made.join_as(mesh);
+    }
+    made
 }
 
 #[cfg(test)]

@@ -57,8 +57,8 @@ pub struct Deformer {
     name: String,
     connectivity: Connectivity,
     triangles: Vec<[u32; 3]>,
-    /// As in the file.
-    original: Vec<DVec3>,
+    /// The mesh at rest, as in the file.
+    mesh: Mesh,
     /// Centred, with diagonal one.
     rest: Vec<V3<f64>>,
     centre: DVec3,
@@ -76,6 +76,7 @@ impl Deformer {
     /// # Errors
     /// [`Error::Mesh`] if nothing of the mesh can be used; [`Error::Input`] for a handle that is part of no triangle.
     pub fn new(mesh: &Mesh, handles: Handles, options: &HierarchyOptions, cache: &Cache) -> Result<Self> {
+        let handles = handles.on(mesh)?;
         let connectivity = Connectivity::new(mesh);
         let used = |v: usize| !connectivity.rings[v].is_empty();
         let (low, high) = (0..mesh.vertex_count())
@@ -90,7 +91,7 @@ impl Deformer {
         let local = |p: DVec3| ((p - centre) / diagonal).to_array();
         let rest: Vec<V3<f64>> =
             mesh.positions.iter().enumerate().map(|(v, &p)| if used(v) { local(p) } else { [0.0; 3] }).collect();
-        let mut held = handles.held(mesh.vertex_count(), &connectivity)?;
+        let mut held = handles.held(&connectivity)?;
         held.sort_unstable();
         let key = cache_key(&connectivity, &rest, &held, options);
         let kept = cache.get(&key).and_then(|bytes| Hierarchy::from_bytes(&bytes).ok());
@@ -106,11 +107,11 @@ impl Deformer {
             }
         };
         let followers = Followers::new(&connectivity, &rest, &hierarchy);
-        warnings.extend(notes(&connectivity, &hierarchy, &followers));
+        warnings.extend(notes(mesh, &connectivity, &hierarchy, &followers));
         Ok(Self {
             name: mesh.name.clone(),
             triangles: mesh.triangles(),
-            original: mesh.positions.clone(),
+            mesh: mesh.clone(),
             rest: rest.clone(),
             centre,
             diagonal,
@@ -192,16 +193,17 @@ impl Deformer {
     /// Decoded positions in the mesh's units and order.
     fn place(&self, posed: &Posed, decoded: &[V3<f64>]) -> Vec<DVec3> {
         let hierarchy = self.decoder.hierarchy();
-        let mut result = self.original.clone();
+        let mut result = self.mesh.positions.clone();
         let back = |p: V3<f64>| DVec3::from(p) * self.diagonal + self.centre;
         for (&v, &p) in hierarchy.order.iter().zip(decoded) {
             result[v as usize] = back(p);
         }
         for &v in &hierarchy.order[..hierarchy.held] {
             // Given positions come back as they were given.
-            result[v as usize] = posed.targets.get(&v).copied().unwrap_or(self.original[v as usize]);
+            result[v as usize] = posed.targets.get(&v).copied().unwrap_or(self.mesh.positions[v as usize]);
         }
         self.followers.place(&self.rest, hierarchy, decoded, |v, p| result[v as usize] = back(p));
+        self.mesh.spread_positions(&mut result);
         result
     }
 
@@ -210,12 +212,13 @@ impl Deformer {
     /// # Errors
     /// [`Error::Input`] if `mesh` has another number of vertices.
     pub fn pose(&self, mesh: &mut Mesh, positions: Vec<DVec3>) -> Result<()> {
-        if positions.len() != self.original.len() || mesh.vertex_count() != self.original.len() {
+        let count = self.mesh.vertex_count();
+        if positions.len() != count || mesh.vertex_count() != count {
             let what = format!("{} positions for {} of {} vertices", positions.len(), mesh.name, mesh.vertex_count());
             return Err(Error::input(what, "Use the mesh the deformer was made for"));
         }
         mesh.positions = positions;
-        turn_normals(mesh, &self.connectivity, &self.original);
+        turn_normals(mesh, &self.connectivity, &self.mesh.positions);
         Ok(())
     }
 
@@ -247,7 +250,7 @@ impl Deformer {
 }
 
 /// What deserves to be told about a mesh and its hierarchy.
-fn notes(connectivity: &Connectivity, hierarchy: &Hierarchy, followers: &Followers) -> Vec<String> {
+fn notes(mesh: &Mesh, connectivity: &Connectivity, hierarchy: &Hierarchy, followers: &Followers) -> Vec<String> {
     let mut notes = Vec::new();
     let irregular: Vec<usize> =
         connectivity.irregular.iter().enumerate().filter(|(_, i)| **i).map(|(v, _)| v).collect();
@@ -265,6 +268,7 @@ fn notes(connectivity: &Connectivity, hierarchy: &Hierarchy, followers: &Followe
     }
     let loose = (0..connectivity.rings.len())
         .filter(|&v| connectivity.rings[v].is_empty() && connectivity.component[v] == NONE)
+        .filter(|&v| !mesh.is_repeated(v as u32))
         .count();
     if loose > 0 {
         notes.push(format!("{loose} vertices of no face stay where they are"));

@@ -6,6 +6,7 @@ use glam::DVec3;
 
 use crate::encoding::Connectivity;
 use crate::error::{Error, Result};
+use crate::geometry::Mesh;
 
 /// The handles of a mesh and, if only a part of it may move, the region of influence.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -17,11 +18,9 @@ pub struct Handles {
 }
 
 impl Handles {
-    /// All held vertices, each once.
-    pub(super) fn held(&self, vertex_count: usize, connectivity: &Connectivity) -> Result<Vec<u32>> {
-        if self.vertices.is_empty() {
-            return Err(Error::input("there are no handles", "Give at least one vertex and where it goes"));
-        }
+    /// The same on `mesh`, with representatives for joined vertices.
+    pub(super) fn on(mut self, mesh: &Mesh) -> Result<Self> {
+        let vertex_count = mesh.vertex_count();
         let check = |list: &[u32], what: &str| match list.iter().find(|&&v| v as usize >= vertex_count) {
             Some(v) => {
                 let what = format!("{what} names vertex {v}, the mesh has {vertex_count}");
@@ -30,13 +29,26 @@ impl Handles {
             None => Ok(()),
         };
         check(&self.vertices, "a handle")?;
+        if let Some(region) = &mut self.region {
+            check(region, "the region of influence")?;
+            region.iter_mut().for_each(|v| *v = mesh.representative(*v));
+        }
+        self.vertices.iter_mut().for_each(|v| *v = mesh.representative(*v));
+        Ok(self)
+    }
+
+    /// All held vertices, each once.
+    pub(super) fn held(&self, connectivity: &Connectivity) -> Result<Vec<u32>> {
+        let vertex_count = connectivity.rings.len();
+        if self.vertices.is_empty() {
+            return Err(Error::input("there are no handles", "Give at least one vertex and where it goes"));
+        }
         if let Some(v) = self.vertices.iter().find(|&&v| connectivity.rings[v as usize].is_empty()) {
             let what = format!("the handle at vertex {v} is part of no face");
             return Err(Error::input(what, "Choose a vertex of the surface"));
         }
         let mut is_held = vec![false; vertex_count];
         if let Some(region) = &self.region {
-            check(region, "the region of influence")?;
             is_held.iter_mut().for_each(|h| *h = true);
             region.iter().for_each(|&v| is_held[v as usize] = false);
         }

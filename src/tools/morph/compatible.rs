@@ -95,6 +95,7 @@ pub fn compatible_mesh(
     let off = images.farthest_off() / b.0.area().sqrt();
     let mut made = super::without_normals(mesh);
     made.positions = (0..mesh.vertex_count()).map(|v| if used(v) { images.at[v] } else { mesh.positions[v] }).collect();
+    mesh.spread_positions(&mut made.positions);
     made.name = format!("{} on {}", mesh.name, b.0.name);
     let image_topology = Topology::new(&made);
     let all: Vec<Option<DVec3>> = made.positions.iter().map(|p| Some(*p)).collect();

@@ -15,7 +15,7 @@ use crate::encoding::{
     Blend, Connectivity, DecodeReport, Decoder, Hierarchy, HierarchyOptions, Quality, Similarity, V3,
 };
 use crate::error::{Error, Result};
-use crate::geometry::{Corner, Mesh, MeshBuilder, NONE};
+use crate::geometry::{Corner, Mesh, NONE};
 
 use anchors::Anchors;
 pub use compatible::{Compatible, CompatibleReport, LONG, compatible_mesh};
@@ -31,7 +31,7 @@ pub const QUALITY: Quality = Quality { stiffness: 100.0, ..Quality::CONVERGED };
 /// Blends a list of shapes.
 #[derive(Debug)]
 pub struct Morpher {
-    name: String,
+    first: Mesh,
     decoder: Decoder,
     blend: Blend,
     anchors: Anchors,
@@ -83,7 +83,8 @@ impl Morpher {
         if let Some(k) = locals.iter().position(|l| l.iter().flatten().any(|x| !x.is_finite())) {
             return Err(Error::mesh(&meshes[k].name, "a used position is not finite", "Export the surface again"));
         }
-        let anchors = Anchors::new(&connectivity, &locals, anchors)?;
+        let anchors: Option<Vec<u32>> = anchors.map(|a| a.iter().map(|&v| first.representative(v)).collect());
+        let anchors = Anchors::new(&connectivity, &locals, anchors.as_deref())?;
         let hierarchy = Hierarchy::new(&connectivity, &locals[0], &anchors.held, options)?;
         let shapes: Vec<Vec<V3<f64>>> =
             locals.iter().map(|l| hierarchy.order.iter().map(|&v| l[v as usize]).collect()).collect();
@@ -98,7 +99,7 @@ impl Morpher {
         let mut weights = vec![0.0; meshes.len()];
         weights[0] = 1.0;
         Ok(Self {
-            name: first.name.clone(),
+            first: (*first).clone(),
             decoder,
             blend,
             anchors,
@@ -118,7 +119,7 @@ impl Morpher {
 
     /// Name of the first mesh.
     pub fn name(&self) -> &str {
-        &self.name
+        &self.first.name
     }
 
     /// The shape at `weights` (one an input, summing to one), reached from the one before, or from the nearest input if that is nearer.
@@ -267,22 +268,16 @@ impl Morpher {
         for (&v, &p) in self.decoder.hierarchy().order.iter().zip(decoded) {
             result[v as usize] = DVec3::from(p) * self.diagonal + self.centre;
         }
+        self.first.spread_positions(&mut result);
         result
     }
 }
 
 /// The same mesh with corners that name no normal: those of an in-between would be wrong, and readers make their own.
 pub fn without_normals(mesh: &Mesh) -> Mesh {
-    let mut builder = MeshBuilder::new(mesh.name.clone());
-    builder.mesh.positions = mesh.positions.clone();
-    builder.mesh.texcoords = mesh.texcoords.clone();
-    builder.mesh.materials = mesh.materials.clone();
-    builder.mesh.groups = mesh.groups.clone();
-    for p in 0..mesh.polygon_count() {
-        (builder.material, builder.group) = (mesh.polygon_material(p), mesh.polygon_group(p));
-        builder.polygon(mesh.polygon(p).iter().map(|c| Corner { normal: NONE, ..*c }));
-    }
-    builder.build()
+    let mut bare = mesh.with_corners(|c| Corner { normal: NONE, ..c });
+    bare.normals.clear();
+    bare
 }
 
 /// Fails at the first difference.

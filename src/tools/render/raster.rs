@@ -4,6 +4,9 @@ use glam::{DVec2, DVec3};
 
 use crate::geometry::{Mesh, NONE};
 
+/// Slack of spans in parts of the largest coordinate: a few times the rounding of an interpolation, far below a sample.
+const SLACK: f64 = 1e-12;
+
 /// Triangles by the bands of sample rows they touch.
 pub(super) struct Bands {
     width: u32,
@@ -66,12 +69,17 @@ impl Bands {
             let high = p[0].max(p[1]).max(p[2]);
             let y0 = ((low.y - 0.5).ceil().max(first_row as f64)) as usize;
             let y1 = ((high.y - 0.5).floor()).min((first_row + rows) as f64 - 1.0);
-            let x0 = ((low.x - 0.5).ceil().max(0.0)) as usize;
-            let x1 = ((high.x - 0.5).floor()).min(width as f64 - 1.0);
-            if y1 < 0.0 || x1 < 0.0 {
+            if y1 < 0.0 {
                 continue;
             }
             for y in y0..=y1 as usize {
+                // Only what the triangle has in this row: the box around a needle is nearly empty.
+                let (left, right) = edges.span(y as f64 + 0.5);
+                let x0 = ((left - 0.5).ceil().max(0.0)) as usize;
+                let x1 = ((right - 0.5).floor()).min(width as f64 - 1.0);
+                if x1 < 0.0 {
+                    continue;
+                }
                 for x in x0..=x1 as usize {
                     let Some(b) = edges.inside(DVec2::new(x as f64 + 0.5, y as f64 + 0.5)) else { continue };
                     let depth = (b[0] * p[0].z + b[1] * p[1].z + b[2] * p[2].z) as f32;
@@ -122,6 +130,29 @@ impl Edges {
         })
     }
 
+    /// First and last place in the row at `y` that the triangle may own, wider than it by more than rounding; the first is beyond the last
+    /// where there is none.
+    fn span(&self, y: f64) -> (f64, f64) {
+        let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);
+        let mut largest = y.abs();
+        for k in 0..3 {
+            let (a, b) = (self.p[k], self.p[(k + 1) % 3]);
+            largest = largest.max(a.x.abs()).max(a.y.abs());
+            if (a.y <= y) != (b.y <= y) {
+                let x = a.x + (y - a.y) / (b.y - a.y) * (b.x - a.x);
+                // Within the edge, however flat it runs.
+                let x = x.clamp(a.x.min(b.x), a.x.max(b.x));
+                (left, right) = (left.min(x), right.max(x));
+            } else if a.y == y && b.y == y {
+                (left, right) = (left.min(a.x).min(b.x), right.max(a.x).max(b.x));
+            } else if a.y == y {
+                (left, right) = (left.min(a.x), right.max(a.x));
+            }
+        }
+        let slack = SLACK * largest;
+        (left - slack, right + slack)
+    }
+
     /// Whether the front is seen: with y down, counter-clockwise triangles have negative area.
     pub(super) fn front(&self) -> bool {
         self.area < 0.0
@@ -154,6 +185,24 @@ mod tests {
             for x in 0..5 {
                 let expected = if x + y + 1 < 4 { 0 } else { NONE };
                 assert_eq!(seen[y * 5 + x], expected, "({x}, {y})");
+            }
+        }
+    }
+
+    #[test]
+    fn spans_leave_no_sample_of_a_needle_out() {
+        // Needles in all directions, against a look at every sample.
+        let size = 40;
+        for k in 0..200 {
+            let angle = f64::from(k) / 200.0 * std::f64::consts::TAU;
+            let tip = DVec2::new(20.0, 20.5) + 19.0 * DVec2::from_angle(angle);
+            let side = DVec2::from_angle(angle + 1.5) * [1e-3, 0.3, 0.9][k as usize % 3];
+            let p = [DVec2::new(20.0, 20.5), tip, tip + side];
+            let edges = Edges::new(p).unwrap();
+            let seen = draw(&p.map(|p| (p.x, p.y, 0.0)), &[[0, 1, 2]], size);
+            for (i, &t) in seen.iter().enumerate() {
+                let at = DVec2::new((i as u32 % size) as f64 + 0.5, (i as u32 / size) as f64 + 0.5);
+                assert_eq!(t == 0, edges.inside(at).is_some(), "needle {k} at {at}");
             }
         }
     }

@@ -113,14 +113,13 @@ pub(super) fn with_texcoords(mesh: &Mesh, atlas: &Atlas) -> (Mesh, usize) {
     for p in 0..mesh.polygon_count() {
         builder.material = mesh.polygon_material(p);
         builder.group = mesh.polygon_group(p);
-        let corners = mesh.polygon(p);
+        let corners: Vec<Corner> = mesh.file_polygon(p).collect();
         let count = corners.len().saturating_sub(2);
-        // Triangle k is the fan's: corners 0, k + 1, k + 2.
         let mut texcoords = vec![NONE; corners.len()];
         let mut whole = true;
-        for k in 0..count {
-            for (c, place) in [0, k + 1, k + 2].into_iter().enumerate() {
-                let texcoord = output.indices[3 * (t + k) + c];
+        for k in t..t + count {
+            for (c, place) in mesh.triangle_places(k).into_iter().enumerate() {
+                let texcoord = output.indices[3 * k + c];
                 whole &= texcoords[place] == NONE || texcoords[place] == texcoord;
                 texcoords[place] = texcoord;
             }
@@ -129,14 +128,15 @@ pub(super) fn with_texcoords(mesh: &Mesh, atlas: &Atlas) -> (Mesh, usize) {
             builder.polygon(corners.iter().zip(&texcoords).map(|(c, &texcoord)| Corner { texcoord, ..*c }));
         } else {
             cut += 1;
-            for k in 0..count {
-                let fan = [0, k + 1, k + 2].into_iter().enumerate();
-                builder.polygon(
-                    fan.map(|(c, place)| Corner { texcoord: output.indices[3 * (t + k) + c], ..corners[place] }),
-                );
+            for k in t..t + count {
+                let places = mesh.triangle_places(k).into_iter().enumerate();
+                builder
+                    .polygon(places.map(|(c, place)| Corner { texcoord: output.indices[3 * k + c], ..corners[place] }));
             }
         }
         t += count;
     }
-    (builder.build(), cut)
+    let mut made = builder.build();
+    made.join_as(mesh);
+    (made, cut)
 }
