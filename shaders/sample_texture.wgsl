@@ -18,6 +18,9 @@ struct TextureParams {
     opacity: u32,
     // Value of a sample of 1.
     scale: f32,
+    // What the picture shows beyond its borders.
+    wrap_u: u32,
+    wrap_v: u32,
 }
 
 @group(0) @binding(0) var<uniform> span: Span;
@@ -81,7 +84,9 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let head = footprints[2u * index];
     let rest = footprints[2u * index + 1u];
     let size = vec2i(i32(params.width), i32(params.height));
-    let taps = footprint_taps(head.xy, head.zw, rest.xy, vec2f(size), params.filtering, f32(params.taps));
+    let mode = vec2u(params.wrap_u, params.wrap_v);
+    let centre = near_picture(head.xy, mode);
+    let taps = footprint_taps(centre, head.zw, rest.xy, vec2f(size), params.filtering, f32(params.taps));
     let level = min(taps.level, f32(params.levels));
     let lower = u32(level);
     var fraction = level - f32(lower);
@@ -98,8 +103,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         for (var k = 0u; k < of_base; k++) {
             let p = tap_place(taps, k % taps.along, k / taps.along) - 0.5;
             let f = floor(p);
-            let low = wrap(vec2i(f), size);
-            let high = wrap(vec2i(f) + 1, size);
+            let low = wrap(vec2i(f), size, mode);
+            let high = wrap(vec2i(f) + 1, size, mode);
             part += mixed(
                 base_texel(low),
                 base_texel(vec2i(high.x, low.y)),
@@ -113,8 +118,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             let sides = max(size >> vec2u(l), vec2i(1));
             let p = tap_place(taps, k % taps.along, k / taps.along) * (vec2f(sides) / vec2f(size)) - 0.5;
             let f = floor(p);
-            let low = wrap(vec2i(f), sides);
-            let high = wrap(vec2i(f) + 1, sides);
+            let low = wrap(vec2i(f), sides, mode);
+            let high = wrap(vec2i(f) + 1, sides, mode);
             part += mixed(
                 level_texel(low, l),
                 level_texel(vec2i(high.x, low.y), l),

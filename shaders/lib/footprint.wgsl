@@ -17,8 +17,9 @@ struct Taps {
     narrow: vec2f,
 }
 
+// `centre` lies near the picture: see near_picture.
 fn footprint_taps(centre: vec2f, dx_uv: vec2f, dy_uv: vec2f, size: vec2f, filtering: u32, most: f32) -> Taps {
-    var taps = Taps((centre - floor(centre)) * size, 0.0, 1u, 1u, vec2f(), vec2f());
+    var taps = Taps(centre * size, 0.0, 1u, 1u, vec2f(), vec2f());
     let dx = dx_uv * size;
     let dy = dy_uv * size;
     // Eigenvalues of M M^T are the squares of the widths.
@@ -62,8 +63,24 @@ fn tap_place(taps: Taps, i: u32, j: u32) -> vec2f {
     return taps.centre + s * taps.wide + t * taps.narrow;
 }
 
-// `index` modulo `n`, not negative.
-fn wrap(index: vec2i, n: vec2i) -> vec2i {
-    let r = index % n;
-    return select(r, r + n, r < vec2i(0));
+// What a picture shows beyond its borders, by axis; geometry::Wrap.
+const CLAMP: u32 = 1u;
+const MIRROR: u32 = 2u;
+
+// Farther from a picture than this, in its sides, its border is all that a footprint sees; sample::FAR.
+const FAR: f32 = 1000.0;
+
+// Coordinates that show the same texels, brought near the picture. Reference: tools::transfer::sample::near_picture.
+fn near_picture(x: vec2f, mode: vec2u) -> vec2f {
+    let period = select(vec2f(1.0), vec2f(2.0), mode == vec2u(MIRROR));
+    return select(x - period * floor(x / period), clamp(x, vec2f(-FAR), vec2f(FAR)), mode == vec2u(CLAMP));
+}
+
+// The texel of `n` a side that stands for one beyond the picture. Reference: geometry::Wrap::texel.
+fn wrap(index: vec2i, n: vec2i, mode: vec2u) -> vec2i {
+    let period = select(n, 2 * n, mode == vec2u(MIRROR));
+    let r = index % period;
+    let inside = select(r, r + period, r < vec2i(0));
+    let folded = select(inside, period - 1 - inside, inside >= n);
+    return select(folded, clamp(index, vec2i(0), n - 1), mode == vec2u(CLAMP));
 }

@@ -3,6 +3,8 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+pub use super::placement::{Placement, Wrap};
+
 /// A material by name, with the textures it refers to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
@@ -12,12 +14,20 @@ pub struct Material {
     pub base_color_texture: Option<PathBuf>,
     /// The base colour texture as the bytes of an image file, where the mesh file holds it itself (GLB).
     pub embedded_texture: Option<Arc<[u8]>>,
-    /// Base colour factor, RGBA, linear as stored.
+    /// How the base colour texture lies on the surface.
+    pub base_color_placement: Placement,
+    /// Base colour, RGBA, as stored.
     pub base_color: [f32; 4],
+    /// Whether the file states a base colour; the one above is the default otherwise.
+    pub has_base_color: bool,
+    /// Whether the base colour is written as viewers show it (sRGB, as in MTL files), and not as light (glTF).
+    pub srgb_base_color: bool,
     /// Textures in other roles, each role at most once.
     pub textures: Vec<RoleTexture>,
     /// Everything else about its look.
     pub look: Look,
+    /// What its MTL file says beside that.
+    pub statements: Vec<Statement>,
 }
 
 impl Default for Material {
@@ -27,9 +37,13 @@ impl Default for Material {
             name: String::new(),
             base_color_texture: None,
             embedded_texture: None,
+            base_color_placement: Placement::default(),
             base_color: [1.0; 4],
+            has_base_color: false,
+            srgb_base_color: false,
             textures: Vec::new(),
             look: Look::default(),
+            statements: Vec::new(),
         }
     }
 }
@@ -44,6 +58,14 @@ impl Material {
         self.textures.iter().find(|t| t.role == role).map(|t| t.content.clone())
     }
 
+    /// How the texture in a role lies on the surface.
+    pub fn placement(&self, role: &str) -> Placement {
+        if role == BASE_COLOR {
+            return self.base_color_placement;
+        }
+        self.textures.iter().find(|t| t.role == role).map_or_else(Placement::default, |t| t.placement)
+    }
+
     /// The roles in which it has textures, the base colour first.
     pub fn roles(&self) -> impl Iterator<Item = &str> {
         let base = (self.embedded_texture.is_some() || self.base_color_texture.is_some()).then_some(BASE_COLOR);
@@ -54,7 +76,7 @@ impl Material {
 /// Name of the role of colour.
 pub const BASE_COLOR: &str = "base_color";
 /// Names of the roles that are known: glTF's, and those that others keep apart.
-pub const ROLES: [&str; 12] = [
+pub const ROLES: [&str; 13] = [
     BASE_COLOR,
     "metallic_roughness",
     "roughness",
@@ -66,6 +88,7 @@ pub const ROLES: [&str; 12] = [
     "displacement",
     "opacity",
     "specular",
+    "specular_glossiness",
     "label",
 ];
 
@@ -77,6 +100,26 @@ pub struct RoleTexture {
     pub role: String,
     /// Where it is.
     pub content: TextureContent,
+    /// How it lies on the surface.
+    pub placement: Placement,
+    /// Factor of its values (`-bm` of MTL files), where [`Look`] has none for the role.
+    pub strength: f32,
+}
+
+impl RoleTexture {
+    /// A texture that lies on the texture coordinates as they are.
+    pub fn new(role: impl Into<String>, content: TextureContent) -> Self {
+        Self { role: role.into(), content, placement: Placement::default(), strength: 1.0 }
+    }
+}
+
+/// A statement of an MTL file that no other field of a [`Material`] holds, as bytes, kept to be written again.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Statement {
+    /// All of it, or what stands before the file.
+    pub text: Vec<u8>,
+    /// The file it refers to, as a path that can be opened.
+    pub file: Option<PathBuf>,
 }
 
 /// Where a texture is.

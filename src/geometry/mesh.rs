@@ -1,5 +1,7 @@
 //! Polygon meshes as files hold them, seen as triangles.
 
+use std::collections::{BTreeMap, HashMap};
+
 use glam::{DVec2, DVec3};
 
 use super::material::Material;
@@ -40,6 +42,10 @@ pub struct Mesh {
     pub materials: Vec<Material>,
     /// Group or object names, referred to by polygons.
     pub groups: Vec<String>,
+    /// Colours of vertices, as viewers show them (sRGB), RGBA, 0..1; empty without. One for each vertex of the file.
+    pub colors: Vec<[f32; 4]>,
+    /// Names of groups and materials whose bytes in the file are not UTF-8, with those bytes.
+    pub spellings: BTreeMap<String, Vec<u8>>,
     /// With vertices joined: every vertex is the one that stands for it.
     corners: Vec<Corner>,
     /// The vertex of each corner as the file has it; empty where no vertices are joined.
@@ -50,6 +56,8 @@ pub struct Mesh {
     polygon_start: Vec<u32>,
     polygon_material: Vec<u32>,
     polygon_group: Vec<u32>,
+    polygon_object: Vec<u32>,
+    polygon_smoothing: Vec<u32>,
     /// Corner indices of each triangle.
     triangles: Vec<[u32; 3]>,
     triangle_polygon: Vec<u32>,
@@ -91,9 +99,19 @@ impl Mesh {
         self.polygon_material[p]
     }
 
-    /// Group of polygon `p`, or [`NONE`].
+    /// Group of polygon `p`, or [`NONE`]: the last group or object that the file names before it.
     pub fn polygon_group(&self, p: usize) -> u32 {
         self.polygon_group[p]
+    }
+
+    /// Object of polygon `p` among the groups, or [`NONE`].
+    pub fn polygon_object(&self, p: usize) -> u32 {
+        self.polygon_object[p]
+    }
+
+    /// Smoothing group of polygon `p`: 0 for none, [`NONE`] where the file says nothing.
+    pub fn polygon_smoothing(&self, p: usize) -> u32 {
+        self.polygon_smoothing[p]
     }
 
     /// The polygon that triangle `t` is part of.
@@ -136,6 +154,25 @@ impl Mesh {
     pub fn triangle_texcoords(&self, t: usize) -> Option<[DVec2; 3]> {
         let c = self.triangle_corners(t);
         c.iter().all(|c| c.texcoord != NONE).then(|| c.map(|c| self.texcoords[c.texcoord as usize]))
+    }
+
+    /// Replaces the texture coordinates by what `new` makes of them for the polygons that use them. Those that were one stay
+    /// one as far as they stay equal. O(corners).
+    pub fn map_texcoords(&mut self, new: impl Fn(usize, DVec2) -> DVec2) {
+        let old = std::mem::take(&mut self.texcoords);
+        let mut known: HashMap<(u32, [u64; 2]), u32> = HashMap::new();
+        for p in 0..self.polygon_count() {
+            for c in self.polygon_start[p]..self.polygon_start[p + 1] {
+                let corner = &mut self.corners[c as usize];
+                let Some(&uv) = old.get(corner.texcoord as usize) else { continue };
+                let placed = new(p, uv);
+                let key = (corner.texcoord, placed.to_array().map(f64::to_bits));
+                corner.texcoord = *known.entry(key).or_insert_with(|| {
+                    self.texcoords.push(placed);
+                    self.texcoords.len() as u32 - 1
+                });
+            }
+        }
     }
 
     /// Whether some triangle has texture coordinates.
@@ -324,6 +361,10 @@ pub struct MeshBuilder {
     pub material: u32,
     /// Group of the polygons that follow, or [`NONE`].
     pub group: u32,
+    /// Object of the polygons that follow, an index of the groups, or [`NONE`].
+    pub object: u32,
+    /// Smoothing group of the polygons that follow, 0 for none, or [`NONE`].
+    pub smoothing: u32,
     /// Polygons that have their triangles.
     triangulated: usize,
     /// Joined vertices of a mesh that is built on.
@@ -333,15 +374,39 @@ pub struct MeshBuilder {
 impl MeshBuilder {
     /// An empty mesh.
     pub fn new(name: impl Into<String>) -> Self {
-        let mesh = Mesh { name: name.into(), polygon_start: vec![0], ..Mesh::default() };
-        Self { mesh, material: NONE, group: NONE, triangulated: 0, joined: Vec::new() }
+        Self::of(Mesh { name: name.into(), polygon_start: vec![0], ..Mesh::default() })
+    }
+
+    fn of(mesh: Mesh) -> Self {
+        let (material, group, object, smoothing) = (NONE, NONE, NONE, NONE);
+        Self { mesh, material, group, object, smoothing, triangulated: 0, joined: Vec::new() }
+    }
+
+    /// An empty mesh with the name, materials and groups of another.
+    pub fn like(mesh: &Mesh) -> Self {
+        let mut builder = Self::new(mesh.name.clone());
+        builder.mesh.materials.clone_from(&mesh.materials);
+        builder.mesh.groups.clone_from(&mesh.groups);
+        builder.mesh.spellings.clone_from(&mesh.spellings);
+        builder
+    }
+
+    /// Gives the polygons that follow what polygon `p` of another mesh has: material, group, object and smoothing.
+    pub fn follow(&mut self, mesh: &Mesh, p: usize) {
+        (self.material, self.group) = (mesh.polygon_material(p), mesh.polygon_group(p));
+        (self.object, self.smoothing) = (mesh.polygon_object(p), mesh.polygon_smoothing(p));
+    }
+
+    /// Replaces the material of every polygon that has one.
+    pub fn map_materials(&mut self, new: impl Fn(u32) -> u32) {
+        self.mesh.polygon_material.iter_mut().filter(|m| **m != NONE).for_each(|m| *m = new(*m));
     }
 
     /// Adds to a mesh, whose numbers, triangles and joined vertices stay.
     pub fn onto(mut mesh: Mesh) -> Self {
         let joined = mesh.representatives.clone();
         mesh.join((0..mesh.vertex_count() as u32).collect());
-        Self { triangulated: mesh.polygon_count(), mesh, material: NONE, group: NONE, joined }
+        Self { triangulated: mesh.polygon_count(), joined, ..Self::of(mesh) }
     }
 
     /// Appends a polygon. Fewer than three corners make a polygon without triangles.
@@ -351,6 +416,8 @@ impl MeshBuilder {
         m.polygon_start.push(m.corners.len() as u32);
         m.polygon_material.push(self.material);
         m.polygon_group.push(self.group);
+        m.polygon_object.push(self.object);
+        m.polygon_smoothing.push(self.smoothing);
     }
 
     /// Whether some polygon has three corners or more.
@@ -378,7 +445,8 @@ impl MeshBuilder {
             );
         }
         assert!(m.polygon_material.iter().all(|&i| ok(i, m.materials.len())), "material out of range");
-        assert!(m.polygon_group.iter().all(|&i| ok(i, m.groups.len())), "group out of range");
+        let groups = m.polygon_group.iter().chain(&m.polygon_object);
+        assert!(groups.into_iter().all(|&i| ok(i, m.groups.len())), "group out of range");
         for p in self.triangulated..m.polygon_count() {
             let first = m.polygon_start[p];
             let positions: Vec<DVec3> = m.polygon(p).iter().map(|c| m.positions[c.vertex as usize]).collect();

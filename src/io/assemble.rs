@@ -36,7 +36,20 @@ impl TexcoordPool {
 ///
 /// # Errors
 /// A vertex index out of range, a position that is not finite and used by a polygon, no triangle at all.
-pub(crate) fn finish(mut builder: MeshBuilder, mut notes: Notes, path: &Path) -> Result<LoadedMesh> {
+pub(crate) fn finish(builder: MeshBuilder, notes: Notes, path: &Path) -> Result<LoadedMesh> {
+    finish_as(builder, notes, path, Faces::Needed)
+}
+
+/// Whether a mesh must have faces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Faces {
+    Needed,
+    /// Points alone will do.
+    Optional,
+}
+
+/// As [`finish`]; without a triangle only where faces are needed.
+pub(crate) fn finish_as(mut builder: MeshBuilder, mut notes: Notes, path: &Path, faces: Faces) -> Result<LoadedMesh> {
     let mesh = &builder.mesh;
     let count = mesh.positions.len();
     for p in 0..mesh.polygon_count() {
@@ -51,7 +64,7 @@ pub(crate) fn finish(mut builder: MeshBuilder, mut notes: Notes, path: &Path) ->
             }
         }
     }
-    if !builder.has_faces() {
+    if faces == Faces::Needed && !builder.has_faces() {
         let what = format!("there is no face with three or more corners ({count} vertices)");
         return Err(Error::format(path, None, what, "Export a surface mesh, with faces"));
     }

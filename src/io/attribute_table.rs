@@ -6,6 +6,7 @@ use std::path::Path;
 use super::obj::shortened;
 use super::ply::{VertexColumn, read_vertex_columns};
 use super::ply_write::{PropertyValues, VertexProperty, write_ply_with};
+use super::vertex_colors::Colors;
 use super::{npy, output, source};
 use crate::geometry::Mesh;
 use crate::{Error, Result};
@@ -32,8 +33,6 @@ pub enum Columns {
     /// All that are data: of PLY files neither the mesh itself nor colours.
     #[default]
     Data,
-    /// Of PLY files `red`, `green`, `blue` and, if there is one, `alpha`, 0..1 where they are stored as bytes; of others as [`Columns::Data`].
-    Colors,
     /// Of PLY files `nx`, `ny`, `nz`; of others as [`Columns::Data`].
     Normals,
     /// Those with these names, in this order.
@@ -98,6 +97,33 @@ pub fn read_attributes(path: impl AsRef<Path>, columns: &Columns) -> Result<Attr
     }
 }
 
+/// Reads the colours of the vertices of a file, 0..1, as columns `red`, `green`, `blue` and, if there is one, `alpha`, and what
+/// was decided on the way. PLY files need no faces. Of tables of numbers all columns are taken.
+///
+/// # Errors
+/// As [`read_attributes`] and [`super::read_mesh`]; [`Error::Format`] where vertices have no colours.
+pub fn read_colors(path: impl AsRef<Path>) -> Result<(AttributeTable, Vec<String>)> {
+    let path = path.as_ref();
+    let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    let missing = || {
+        let what = "its vertices have no colours";
+        Error::format(path, None, what, "Export the mesh with its vertex colours, or name columns with --columns")
+    };
+    let colors = match extension.as_str() {
+        "ply" => super::ply::colors(&read_vertex_columns(path)?).ok_or_else(missing)?,
+        "obj" | "off" | "gltf" | "glb" => {
+            let loaded = super::read_mesh(path)?;
+            let opaque = loaded.mesh.colors.iter().all(|c| c[3] == 1.0);
+            let channels = if opaque { 3 } else { 4 };
+            let values = loaded.mesh.colors.iter().flat_map(|c| c[..channels].iter().map(|&x| f64::from(x))).collect();
+            Some(Colors { channels, values, note: None }).filter(|c| !c.values.is_empty()).ok_or_else(missing)?
+        }
+        _ => return Ok((read_attributes(path, &Columns::Data)?, Vec::new())),
+    };
+    let columns = COLORS[..colors.channels].iter().map(|n| (*n).to_owned()).collect();
+    Ok((AttributeTable { columns, values: colors.values }, colors.note.into_iter().collect()))
+}
+
 fn numbered(count: usize) -> Vec<String> {
     (0..count).map(|k| format!("c{k}")).collect()
 }
@@ -108,10 +134,6 @@ fn read_ply_table(path: &Path, columns: &Columns) -> Result<AttributeTable> {
     let names: Vec<String> = match columns {
         Columns::Named(names) => names.clone(),
         Columns::Normals => GEOMETRY[3..6].iter().map(|n| (*n).to_owned()).collect(),
-        Columns::Colors => {
-            let there = |n: &&&str| **n != "alpha" || all.iter().any(|c| c.name == **n);
-            COLORS.iter().filter(there).map(|n| (*n).to_owned()).collect()
-        }
         Columns::Data => all.iter().map(|c| c.name.clone()).filter(|n| !known(n)).collect(),
     };
     let found: Vec<&VertexColumn> = names
@@ -125,8 +147,7 @@ fn read_ply_table(path: &Path, columns: &Columns) -> Result<AttributeTable> {
         let what = "the vertices have no properties beside positions, normals, texture coordinates and colours";
         return Err(Error::format(path, None, what, "Name the properties to take with --columns"));
     }
-    let scale = |c: &VertexColumn| if c.byte && *columns == Columns::Colors { 1.0 / 255.0 } else { 1.0 };
-    let values = (0..rows).flat_map(|r| found.iter().map(move |c| c.values[r] * scale(c))).collect();
+    let values = (0..rows).flat_map(|r| found.iter().map(move |c| c.values[r])).collect();
     Ok(AttributeTable { columns: names, values })
 }
 
@@ -362,7 +383,7 @@ mod tests {
         let status = [RowStatus { word: "valid", number: 2, confidence: 1.0 }; 3];
         let path = dir.path().join("c.ply");
         write_attributes(&path, &mesh, &table, &status, AttributeStyle { colors: true }).unwrap();
-        let back = read_attributes(&path, &Columns::Colors).unwrap();
+        let (back, _) = read_colors(&path).unwrap();
         assert_eq!(back.columns, table.columns);
         assert_eq!(back.values[..6], table.values[..6]);
         assert_eq!(back.values[6..], [0.0, 1.0, 0.0]);

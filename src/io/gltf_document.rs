@@ -11,6 +11,7 @@ use std::sync::Arc;
 use serde::Deserialize;
 use serde_json::Value;
 
+use super::locate::{Located, locate, percent_decoded};
 use super::source;
 use crate::{Error, Result};
 
@@ -24,6 +25,7 @@ pub(crate) struct Root {
     pub(crate) meshes: Vec<MeshData>,
     pub(crate) materials: Vec<MaterialData>,
     pub(crate) textures: Vec<Texture>,
+    pub(crate) samplers: Vec<Sampler>,
     pub(crate) images: Vec<Image>,
     accessors: Vec<Accessor>,
     buffer_views: Vec<View>,
@@ -77,6 +79,7 @@ pub(crate) struct MaterialData {
     pub(crate) alpha_mode: Option<String>,
     pub(crate) alpha_cutoff: Option<f32>,
     pub(crate) double_sided: bool,
+    pub(crate) extensions: HashMap<String, Value>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -101,10 +104,26 @@ pub(crate) struct TextureUse {
     pub(crate) extensions: HashMap<String, Value>,
 }
 
+impl TextureUse {
+    /// The set of texture coordinates that it uses; KHR_texture_transform may name another one.
+    pub(crate) fn set(&self) -> usize {
+        let moved = self.extensions.get("KHR_texture_transform").and_then(|t| t["texCoord"].as_u64());
+        moved.map_or(self.tex_coord, |s| s as usize)
+    }
+}
+
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct Texture {
     pub(crate) source: Option<usize>,
+    pub(crate) sampler: Option<usize>,
+}
+
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+pub(crate) struct Sampler {
+    pub(crate) wrap_s: Option<u32>,
+    pub(crate) wrap_t: Option<u32>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -239,16 +258,21 @@ impl<'a> Document<'a> {
             let decoded = data.split_once(";base64,").and_then(|(_, text)| base64(text.as_bytes()));
             return decoded.ok_or_else(|| self.damaged("embedded data is not valid base64"));
         }
-        source::read_all(&self.file(uri)?)
+        source::read_all(self.file(uri)?.path())
     }
 
-    /// The file a relative URI names.
-    pub(crate) fn file(&self, uri: &str) -> Result<std::path::PathBuf> {
-        if uri.contains("://") {
+    /// The file a URI names, with its percent codes or without them.
+    pub(crate) fn file(&self, uri: &str) -> Result<Located> {
+        if uri.contains("://") && !uri.to_ascii_lowercase().starts_with("file:") {
             let what = format!("it refers to {:?}", super::obj::shortened(uri));
             return Err(self.error(what, "Download that file and refer to it by its name"));
         }
-        Ok(source::sibling(self.path, &percent_decoded(uri)))
+        let decoded = locate(self.path, &percent_decoded(uri.as_bytes()));
+        Ok(if decoded.is_missing() {
+            Some(locate(self.path, uri.as_bytes())).filter(|l| !l.is_missing()).unwrap_or(decoded)
+        } else {
+            decoded
+        })
     }
 
     /// The encoded bytes of image `k`, if the file holds them itself.
@@ -422,18 +446,6 @@ fn base64(text: &[u8]) -> Option<Vec<u8>> {
     Some(bytes)
 }
 
-fn percent_decoded(uri: &str) -> String {
-    let mut bytes = Vec::with_capacity(uri.len());
-    let mut rest = uri.as_bytes();
-    while let Some((&first, after)) = rest.split_first() {
-        let hex = (first == b'%').then(|| after.get(..2)).flatten();
-        let code = hex.and_then(|h| u8::from_str_radix(std::str::from_utf8(h).ok()?, 16).ok());
-        bytes.push(code.unwrap_or(first));
-        rest = if code.is_some() { &after[2..] } else { after };
-    }
-    String::from_utf8_lossy(&bytes).into_owned()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -443,6 +455,6 @@ mod tests {
         assert_eq!(base64(b"aGVsbG8=").as_deref(), Some(&b"hello"[..]));
         assert_eq!(base64(b"aGVsbG8h").as_deref(), Some(&b"hello!"[..]));
         assert_eq!(base64(b"a*"), None);
-        assert_eq!(percent_decoded("a%20b%zz%e4%bd%a0%"), "a b%zz\u{4f60}%");
+        assert_eq!(percent_decoded(b"a%20b%zz%e4%bd%a0%"), "a b%zz\u{4f60}%".as_bytes());
     }
 }

@@ -13,8 +13,8 @@ use glam::{DMat4, DQuat, DVec2, DVec3};
 use super::LoadedMesh;
 use super::assemble::{self, TexcoordPool};
 use super::gltf_document::{Document, MeshData, Node, Primitive, TextureUse};
-use super::gltf_materials;
 use super::source::{self, Notes};
+use super::{gltf_colors, gltf_materials};
 use crate::Result;
 use crate::geometry::{Corner, MeshBuilder, NONE};
 
@@ -45,7 +45,10 @@ pub fn parse_gltf(bytes: &[u8], path: &Path) -> Result<LoadedMesh> {
     for (node, transform) in scene.placed_meshes()? {
         scene.mesh(node, transform)?;
     }
-    let SceneReader { builder, mut notes, file_vertices, .. } = scene;
+    let SceneReader { mut builder, mut notes, file_vertices, .. } = scene;
+    if !builder.mesh.colors.is_empty() {
+        builder.mesh.colors.resize(builder.mesh.positions.len(), [1.0; 4]);
+    }
     let left = builder.mesh.positions.len();
     if left < file_vertices {
         notes.say(format!("{file_vertices} vertices were joined to {left} where their positions are exactly equal"));
@@ -164,9 +167,16 @@ impl<'a> SceneReader<'a> {
                 })
             })
             .collect();
+        if let Some(colors) = gltf_colors::read(self.document, primitive)? {
+            // Vertices of primitives without colours are white.
+            self.builder.mesh.colors.resize(self.builder.mesh.positions.len(), [1.0; 4]);
+            for (&v, color) in vertex.iter().zip(colors) {
+                self.builder.mesh.colors[v as usize] = color;
+            }
+        }
         let texture = primitive.material.and_then(|m| self.document.root.materials.get(m));
         let texture = texture.and_then(|m| m.pbr_metallic_roughness.as_ref()?.base_color_texture.as_ref());
-        let placement = Placement::of(texture, &mut self.notes);
+        let placement = Placement::of(texture);
         let texcoords = match primitive.attributes.get(&format!("TEXCOORD_{}", placement.set)) {
             Some(&accessor) => self.document.numbers(accessor, 2)?,
             None => Vec::new(),
@@ -218,31 +228,18 @@ fn local_transform(node: &Node) -> DMat4 {
     DMat4::from_scale_rotation_translation(scale, rotation, DVec3::from(node.translation.unwrap_or([0.0; 3])))
 }
 
-/// Which texture coordinates a material uses, and how they are moved.
+/// Which texture coordinates of the file the mesh has. How pictures lie on them is said by the materials.
 struct Placement {
     set: usize,
-    offset: DVec2,
-    scale: DVec2,
 }
 
 impl Placement {
-    fn of(texture: Option<&TextureUse>, notes: &mut Notes) -> Self {
-        let mut placement = Self { set: texture.map_or(0, |t| t.tex_coord), offset: DVec2::ZERO, scale: DVec2::ONE };
-        if let Some(value) = texture.and_then(|t| t.extensions.get("KHR_texture_transform")) {
-            let pair = |key: &str| Some(DVec2::new(value[key][0].as_f64()?, value[key][1].as_f64()?));
-            placement.offset = pair("offset").unwrap_or(placement.offset);
-            placement.scale = pair("scale").unwrap_or(placement.scale);
-            placement.set = value["texCoord"].as_u64().map_or(placement.set, |s| s as usize);
-            if value["rotation"].as_f64().is_some_and(|r| r != 0.0) {
-                notes.say("the rotation of a texture was passed over (KHR_texture_transform)".to_owned());
-            }
-        }
-        placement
+    fn of(texture: Option<&TextureUse>) -> Self {
+        Self { set: texture.map_or(0, TextureUse::set) }
     }
 
     /// From glTF's v, which runs down from the top of the picture, to OBJ's, which runs up from the bottom.
     fn apply(&self, uv: DVec2) -> DVec2 {
-        let uv = self.offset + self.scale * uv;
         DVec2::new(uv.x, 1.0 - uv.y)
     }
 }

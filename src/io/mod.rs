@@ -12,6 +12,7 @@ pub mod cage;
 pub mod decal_anchors;
 pub mod geojson;
 pub mod gltf_animation;
+mod gltf_colors;
 mod gltf_components;
 mod gltf_document;
 mod gltf_materials;
@@ -19,6 +20,7 @@ pub mod gltf_read;
 pub mod gltf_write;
 pub mod handles;
 pub mod image_file;
+mod locate;
 pub mod markers;
 pub mod mask;
 mod material_library;
@@ -38,10 +40,13 @@ pub mod points;
 pub mod polyline;
 pub mod report;
 mod source;
+mod spelling;
 pub mod svg;
 mod svg_path;
 pub mod target_list;
+mod text_lines;
 pub mod texture_name;
+mod vertex_colors;
 
 use std::io::Read;
 use std::path::Path;
@@ -128,6 +133,23 @@ pub fn read_mesh_with(path: impl AsRef<Path>, options: &ReadOptions) -> Result<L
         loaded.warnings.extend(welded.notes());
     }
     Ok(loaded)
+}
+
+/// Reads the points and colours of an OBJ or PLY file as a mesh that may have no triangles. Points that no face uses are not
+/// joined, and the content decides on the format as for [`read_mesh`].
+///
+/// # Errors
+/// As [`read_mesh`].
+pub fn read_points(path: impl AsRef<Path>) -> Result<LoadedMesh> {
+    let path = path.as_ref();
+    let mut head = Vec::new();
+    let read = source::open(path)?.take(256).read_to_end(&mut head);
+    read.map_err(|e| Error::io(path, e, "Check that the file may be read"))?;
+    match sniff(&head).or(by_extension(path)) {
+        Some(MeshFormat::Ply) => ply::read_points(path),
+        Some(MeshFormat::Obj) => obj::read_points(path),
+        _ => read_mesh(path),
+    }
 }
 
 fn by_extension(path: &Path) -> Option<MeshFormat> {

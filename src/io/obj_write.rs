@@ -1,20 +1,22 @@
 //! Writing Wavefront OBJ.
 
+use std::borrow::Cow;
 use std::collections::HashSet;
-use std::fmt::Write as _;
 use std::io::Write;
 use std::path::{Component, Path, PathBuf};
 
+use super::locate::path_bytes;
 use super::material_library::keyword;
 use super::output;
 use crate::Result;
-use crate::geometry::material::TextureContent;
+use crate::geometry::material::{BASE_COLOR, Placement, TextureContent, Wrap};
 use crate::geometry::{Material, Mesh, NONE};
+use crate::raster::linear_to_srgb;
 
 /// Writes `mesh` as OBJ, and its materials, if it has any, as an MTL file of the same name beside it.
 ///
-/// Vertex order, polygons, texture coordinates, normals, groups and materials are kept, numbers with as many digits as read back to the same value.
-/// Textures are referred to where they lie; embedded ones are written beside the file. Each file appears whole or not at all, the OBJ last.
+/// Vertex order, polygons, texture coordinates, normals, colours, groups, smoothing groups and materials are kept, names with
+/// the bytes they had in the file, numbers with as many digits as read back to the same value. Textures are referred to where they lie; embedded ones are written beside the file. Each file appears whole or not at all, the OBJ last.
 ///
 /// # Errors
 /// [`crate::Error::Io`] if a file cannot be written.
@@ -23,35 +25,48 @@ pub fn write_obj(mesh: &Mesh, path: impl AsRef<Path>) -> Result<()> {
     if !mesh.materials.is_empty() {
         let library = path.with_extension("mtl");
         let text = material_library(mesh, path)?;
-        output::write_bytes(&library, text.as_bytes())?;
+        output::write_bytes(&library, &text)?;
     }
     output::write_atomically(path, |w| write_statements(mesh, path, w).map_err(output::failed(path)))
 }
 
 fn write_statements(mesh: &Mesh, path: &Path, w: &mut impl Write) -> std::io::Result<()> {
     if !mesh.materials.is_empty() {
-        writeln!(w, "mtllib {}", path.with_extension("mtl").file_name().unwrap_or_default().to_string_lossy())?;
+        let library = path.with_extension("mtl");
+        w.write_all(b"mtllib ")?;
+        w.write_all(&path_bytes(Path::new(library.file_name().unwrap_or_default())))?;
+        writeln!(w)?;
     }
-    for p in &mesh.positions {
-        writeln!(w, "v {:?} {:?} {:?}", p.x, p.y, p.z)?;
-    }
-    for t in &mesh.texcoords {
-        writeln!(w, "vt {:?} {:?}", t.x, t.y)?;
-    }
-    for n in &mesh.normals {
-        writeln!(w, "vn {:?} {:?} {:?}", n.x, n.y, n.z)?;
-    }
-    let materials = material_names(mesh);
-    let (mut group, mut material) = (NONE, NONE);
+    write_vertices(mesh, w)?;
+    let names = Names { mesh };
+    let materials = names.materials();
+    let (mut object, mut group, mut material, mut smoothing) = (NONE, NONE, NONE, NONE);
+    // A statement without a name ends the group or material before it.
+    let name = |w: &mut dyn Write, keyword: &str, name: Option<&[u8]>| -> std::io::Result<()> {
+        write!(w, "{keyword} ")?;
+        w.write_all(name.unwrap_or_default())?;
+        writeln!(w)
+    };
     for p in 0..mesh.polygon_count() {
-        // A statement without a name ends the group or material before it.
+        if mesh.polygon_object(p) != object {
+            object = mesh.polygon_object(p);
+            group = object;
+            name(w, "o", names.group(object).as_deref())?;
+        }
         if mesh.polygon_group(p) != group {
             group = mesh.polygon_group(p);
-            writeln!(w, "g {}", mesh.groups.get(group as usize).map_or_else(String::new, |g| one_line(g)))?;
+            name(w, "g", names.group(group).as_deref())?;
         }
         if mesh.polygon_material(p) != material {
             material = mesh.polygon_material(p);
-            writeln!(w, "usemtl {}", materials.get(material as usize).map_or("", |m| m))?;
+            name(w, "usemtl", materials.get(material as usize).map(Vec::as_slice))?;
+        }
+        if mesh.polygon_smoothing(p) != smoothing {
+            smoothing = mesh.polygon_smoothing(p);
+            match smoothing {
+                0 | NONE => writeln!(w, "s off")?,
+                number => writeln!(w, "s {number}")?,
+            }
         }
         write!(w, "f")?;
         for c in mesh.file_polygon(p) {
@@ -67,35 +82,81 @@ fn write_statements(mesh: &Mesh, path: &Path, w: &mut impl Write) -> std::io::Re
     Ok(())
 }
 
-/// A name of another format as OBJ can hold it: on one line, not empty, not ending in the sign that joins lines.
-fn one_line(name: &str) -> String {
-    let name: String = name.trim().chars().map(|c| if c.is_control() { '_' } else { c }).collect();
-    let end = name.trim_end_matches('\\').len();
-    if end == 0 { "_".to_owned() } else { name[..end].to_owned() }
+fn write_vertices(mesh: &Mesh, w: &mut impl Write) -> std::io::Result<()> {
+    for (v, p) in mesh.positions.iter().enumerate() {
+        match mesh.colors.get(v) {
+            Some([r, g, b, _]) => writeln!(w, "v {:?} {:?} {:?} {r:?} {g:?} {b:?}", p.x, p.y, p.z)?,
+            None => writeln!(w, "v {:?} {:?} {:?}", p.x, p.y, p.z)?,
+        }
+    }
+    for t in &mesh.texcoords {
+        writeln!(w, "vt {:?} {:?}", t.x, t.y)?;
+    }
+    for n in &mesh.normals {
+        writeln!(w, "vn {:?} {:?} {:?}", n.x, n.y, n.z)?;
+    }
+    Ok(())
 }
 
-/// The materials' names, each once: OBJ knows a material by its name.
-fn material_names(mesh: &Mesh) -> Vec<String> {
-    let mut taken = HashSet::new();
-    let unique = |(k, m): (usize, &Material)| {
-        let mut name = one_line(&m.name);
-        while !taken.insert(name.clone()) {
-            name.push_str(&format!("_{k}"));
+/// The names of a mesh as OBJ can hold them.
+struct Names<'a> {
+    mesh: &'a Mesh,
+}
+
+impl Names<'_> {
+    fn group(&self, g: u32) -> Option<Cow<'_, [u8]>> {
+        Some(self.one_line(self.mesh.groups.get(g as usize)?))
+    }
+
+    /// A name as it was spelt, or as OBJ can hold it: on one line, not empty, without a backslash at its end that joins
+    /// lines.
+    fn one_line(&self, name: &str) -> Cow<'_, [u8]> {
+        if let Some(bytes) = self.mesh.spellings.get(name) {
+            return Cow::Borrowed(bytes);
         }
-        name
-    };
-    mesh.materials.iter().enumerate().map(unique).collect()
+        let name: String = name.trim().chars().map(|c| if c.is_control() { '_' } else { c }).collect();
+        match name.as_str() {
+            "" => Cow::Borrowed(b"_"),
+            // Behind a blank, or alone, it would go on on the next line.
+            _ if name == "\\" || name.ends_with([' ', '\t']) || name.ends_with(" \\") => {
+                Cow::Owned(format!("{}_", name.trim_end_matches(['\\', ' '])).into_bytes())
+            }
+            _ => Cow::Owned(name.into_bytes()),
+        }
+    }
+
+    /// The materials' names, each once: OBJ knows a material by its name.
+    fn materials(&self) -> Vec<Vec<u8>> {
+        let mut taken = HashSet::new();
+        let unique = |(k, m): (usize, &Material)| {
+            let mut name = self.one_line(&m.name).into_owned();
+            while !taken.insert(name.clone()) {
+                name.extend_from_slice(format!("_{k}").as_bytes());
+            }
+            name
+        };
+        self.mesh.materials.iter().enumerate().map(unique).collect()
+    }
 }
 
 /// The MTL text; writes embedded textures on the way.
-fn material_library(mesh: &Mesh, path: &Path) -> Result<String> {
-    let mut text = String::new();
-    for (k, (material, name)) in mesh.materials.iter().zip(material_names(mesh)).enumerate() {
-        let Material { base_color: [r, g, b, a], .. } = material;
-        // Writing to a string cannot fail.
-        let _ = write!(text, "newmtl {name}\nKd {r:?} {g:?} {b:?}\n");
-        if *a != 1.0 {
-            let _ = writeln!(text, "d {a:?}");
+fn material_library(mesh: &Mesh, path: &Path) -> Result<Vec<u8>> {
+    let mut text = Vec::new();
+    for (k, (material, name)) in mesh.materials.iter().zip(Names { mesh }.materials()).enumerate() {
+        text.extend_from_slice(b"newmtl ");
+        text.extend_from_slice(&name);
+        text.push(b'\n');
+        let [r, g, b] = kd(material);
+        text.extend_from_slice(format!("Kd {r:?} {g:?} {b:?}\n").as_bytes());
+        if material.base_color[3] != 1.0 {
+            text.extend_from_slice(format!("d {:?}\n", material.base_color[3]).as_bytes());
+        }
+        for statement in &material.statements {
+            text.extend_from_slice(&statement.text);
+            if let Some(file) = &statement.file {
+                text.extend_from_slice(&path_bytes(&relative(file, path)));
+            }
+            text.push(b'\n');
         }
         let texture = match (&material.base_color_texture, &material.embedded_texture) {
             (Some(texture), _) => Some(relative(texture, path)),
@@ -109,16 +170,46 @@ fn material_library(mesh: &Mesh, path: &Path) -> Result<String> {
             (None, None) => None,
         };
         if let Some(texture) = texture {
-            let _ = writeln!(text, "map_Kd {}", texture.to_string_lossy().replace('\\', "/"));
+            statement(&mut text, BASE_COLOR, &material.base_color_placement, 1.0, &texture);
         }
         for other in &material.textures {
             // Embedded ones in other roles stay behind: OBJ files seldom name them.
-            if let (Some(keyword), TextureContent::File(file)) = (keyword(&other.role), &other.content) {
-                let _ = writeln!(text, "{keyword} {}", relative(file, path).to_string_lossy().replace('\\', "/"));
-            }
+            let TextureContent::File(file) = &other.content else { continue };
+            let strength = if other.role == "normal" { material.look.normal_scale } else { other.strength };
+            statement(&mut text, &other.role, &other.placement, strength, &relative(file, path));
         }
     }
     Ok(text)
+}
+
+/// The base colour as MTL files have it, as viewers show it.
+fn kd(material: &Material) -> [f32; 3] {
+    let [r, g, b, _] = material.base_color;
+    if material.srgb_base_color { [r, g, b] } else { [r, g, b].map(linear_to_srgb) }
+}
+
+/// A statement that names a texture, if the format has one for its role.
+fn statement(text: &mut Vec<u8>, role: &str, placement: &Placement, strength: f32, file: &Path) {
+    let Some(keyword) = keyword(role) else { return };
+    text.extend_from_slice(keyword.as_bytes());
+    if strength != 1.0 {
+        text.extend_from_slice(format!(" -bm {strength:?}").as_bytes());
+    }
+    // Turns and mirrored repeats have no options.
+    let transform = placement.transform;
+    let (scale, offset) = ([transform.matrix2.x_axis.x, transform.matrix2.y_axis.y], transform.translation);
+    if scale != [1.0; 2] {
+        text.extend_from_slice(format!(" -s {:?} {:?}", scale[0], scale[1]).as_bytes());
+    }
+    if offset != glam::DVec2::ZERO {
+        text.extend_from_slice(format!(" -o {:?} {:?}", offset.x, offset.y).as_bytes());
+    }
+    if placement.wrap.contains(&Wrap::Clamp) {
+        text.extend_from_slice(b" -clamp on");
+    }
+    text.push(b' ');
+    text.extend_from_slice(&path_bytes(file));
+    text.push(b'\n');
 }
 
 /// `texture` as seen from the folder of `file`, or absolute where there is no way between them.
@@ -147,6 +238,9 @@ mod tests {
         if bits(a) != bits(b) {
             return Some("positions".into());
         }
+        if a.colors != b.colors {
+            return Some("colours".into());
+        }
         if a.texcoords != b.texcoords || a.normals != b.normals {
             return Some("texcoords or normals".into());
         }
@@ -156,14 +250,18 @@ mod tests {
         (0..a.polygon_count()).find_map(|p| {
             let group = |m: &Mesh| m.groups.get(m.polygon_group(p) as usize).cloned();
             let material = |m: &Mesh| m.materials.get(m.polygon_material(p) as usize).cloned();
-            let same = a.polygon(p) == b.polygon(p) && group(a) == group(b) && material(a) == material(b);
+            let object = |m: &Mesh| m.groups.get(m.polygon_object(p) as usize).cloned();
+            let same = a.polygon(p) == b.polygon(p)
+                && (group(a), object(a)) == (group(b), object(b))
+                && material(a) == material(b)
+                && a.polygon_smoothing(p) == b.polygon_smoothing(p);
             (!same).then(|| format!("polygon {p}"))
         })
     }
 
     const AWKWARD: &str = "mtllib in.mtl\nv 5 5 5\nv 0.1 0.30000000000000004 1e-300\nv 1 0 0\nv 123456789.123456789 0 0\nv 0 1 0\n\
         vt 0.5 -3.25\nvt 1 0.1\nvn 0 0 1\nf 2 3 4\ng left arm\nf 2/1 3/2 4/1 5/2\nusemtl skin\ng right\nf 2//1 3//1 4//1\n\
-        g left arm\nf 2/1/1 3/2/1 4/1/1\ng\nusemtl\nf 3 4 5\nv nan 0 0\n";
+        g left arm\nf 2/1/1 3/2/1 4/1/1\no hand\ns 3\nf 2 3 5\ng left arm\ns off\nf 2 3 5\no\ng\nusemtl\nf 3 4 5\nv nan 0 0\n";
 
     #[test]
     fn a_round_trip_keeps_everything() {
@@ -190,6 +288,9 @@ mod tests {
             ("f 2//1 3//1 4//1", "f 3//1 4//1 2//1"),
             ("g right", "g wrong"),
             ("f 2 3 4\n", "f 2 3 4\nf 2 3 4\n"),
+            ("s 3", "s 4"),
+            ("o hand", "o foot"),
+            ("o hand", "g hand"),
         ] {
             let changed = AWKWARD.replace(from, to);
             let changed = parse_obj(changed.as_bytes(), &dir.path().join("a/in.obj")).unwrap().mesh;
@@ -198,11 +299,38 @@ mod tests {
     }
 
     #[test]
+    fn the_bytes_of_names_and_the_options_of_textures_stay() {
+        let dir = tempfile::tempdir().unwrap();
+        let place = |name: &str| dir.path().join(name);
+        std::fs::write(place("t.png"), b"").unwrap();
+        let mtl = b"newmtl K\xf6rper\nNs 10.5\nKd 0.2 0.4 0.6\nmap_Kd -s 2.0 3.0 -o 0.5 0.0 -clamp on t.png\nbump -bm 0.25 t.png\n\
+            newmtl K\xfcrper\nillum 2\nmap_Ns -clamp on t.png\n";
+        let obj = b"mtllib in.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\ng Arm\x83\x5c\nusemtl K\xf6rper\nf 1 2 3\ng Bein\\\nusemtl K\xfcrper\nf 1 2 3\n";
+        std::fs::write(place("in.mtl"), mtl).unwrap();
+        std::fs::write(place("in.obj"), obj).unwrap();
+        let loaded = read_obj(place("in.obj")).unwrap();
+        assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
+        let names: Vec<&str> = loaded.mesh.materials.iter().map(|m| m.name.as_str()).collect();
+        assert_eq!(names.len(), 2);
+        assert_ne!(names[0], names[1]);
+        write_obj(&loaded.mesh, place("out.obj")).unwrap();
+        let (obj, written) = (std::fs::read(place("out.obj")).unwrap(), std::fs::read(place("out.mtl")).unwrap());
+        let has = |text: &[u8], part: &[u8]| text.windows(part.len()).any(|w| w == part);
+        for part in [&b"\ng Arm\x83\x5c\n"[..], b"\nusemtl K\xf6rper\n", b"\nusemtl K\xfcrper\n", b"\ng Bein\\\n"] {
+            assert!(has(&obj, part), "{}", String::from_utf8_lossy(&obj));
+        }
+        for line in mtl.split(|b| *b == b'\n') {
+            assert!(has(&written, line.trim_ascii()), "{}", String::from_utf8_lossy(&written));
+        }
+        assert_eq!(difference(&loaded.mesh, &read_obj(place("out.obj")).unwrap().mesh), None);
+    }
+
+    #[test]
     fn names_of_other_formats_cannot_break_the_file() {
         let dir = tempfile::tempdir().unwrap();
         let mut builder = crate::geometry::MeshBuilder::new("m");
         builder.mesh.positions = vec![glam::DVec3::ZERO, glam::DVec3::X, glam::DVec3::Y];
-        builder.mesh.groups = vec!["a\nf 1 1 1".into(), "b\\".into(), " ".into()];
+        builder.mesh.groups = vec!["a\nf 1 1 1".into(), "b \\".into(), " ".into()];
         let texture: std::sync::Arc<[u8]> = b"\x89PNG"[..].into();
         builder.mesh.materials = ["m\r\nx", "m__x", "", ""]
             .map(|name| Material { name: name.into(), embedded_texture: Some(texture.clone()), ..Material::default() })

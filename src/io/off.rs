@@ -8,10 +8,13 @@ use super::LoadedMesh;
 use super::assemble;
 use super::obj::{parse_number, shortened};
 use super::source::{self, Notes};
+use super::text_lines::numbered;
+use super::vertex_colors;
 use crate::geometry::{Corner, MeshBuilder, NONE};
 use crate::{Error, Result};
 
-/// Reads an OFF file: positions, faces and, after an `ST` prefix, texture coordinates. Colours and normals are passed over.
+/// Reads an OFF file: positions, faces, after a `C` in the prefix colours of vertices, and after `ST` texture coordinates. Colours of
+/// faces and normals are passed over.
 ///
 /// # Errors
 /// [`Error::Io`], or [`Error::Format`] naming the line.
@@ -27,11 +30,8 @@ pub fn read_off(path: impl AsRef<Path>) -> Result<LoadedMesh> {
 pub fn parse_off(bytes: &[u8], path: &Path) -> Result<LoadedMesh> {
     source::refuse_utf16(path, bytes)?;
     let text = String::from_utf8_lossy(bytes);
-    let mut lines = text
-        .trim_start_matches('\u{feff}')
-        .lines()
-        .enumerate()
-        .map(|(k, line)| (k + 1, line.split('#').next().unwrap_or_default().trim()))
+    let mut lines = numbered(text.trim_start_matches('\u{feff}'))
+        .map(|(k, line)| (k, line.split('#').next().unwrap_or_default().trim()))
         .filter(|(_, line)| !line.is_empty())
         .peekable();
     let remedy = "Check that this is a text OFF file, or export the mesh again";
@@ -42,6 +42,8 @@ pub fn parse_off(bytes: &[u8], path: &Path) -> Result<LoadedMesh> {
     let (line, first) = *lines.peek().ok_or_else(|| ended("counts"))?;
     let (word, rest) = first.split_once(char::is_whitespace).unwrap_or((first, ""));
     let mut has_texcoords = false;
+    // Where the colours of a vertex begin.
+    let mut colors_at = None;
     let mut counts = first;
     if let Some(prefix) = word.strip_suffix("OFF") {
         let known = prefix.replacen("ST", "", 1).replacen('C', "", 1).replacen('N', "", 1).replacen('4', "", 1);
@@ -49,6 +51,9 @@ pub fn parse_off(bytes: &[u8], path: &Path) -> Result<LoadedMesh> {
             return Err(fail(Some(line), format!("the variant {:?} is not read", shortened(first))));
         }
         has_texcoords = prefix.contains("ST");
+        let bare = prefix.replacen("ST", "", 1);
+        colors_at =
+            bare.contains('C').then_some(3 + usize::from(bare.contains('4')) + 3 * usize::from(bare.contains('N')));
         counts = rest.trim();
         if counts.is_empty() {
             lines.next();
@@ -64,6 +69,7 @@ pub fn parse_off(bytes: &[u8], path: &Path) -> Result<LoadedMesh> {
     let mut builder = MeshBuilder::new(path.display().to_string());
     let mut notes = Notes::default();
     let mut values = Vec::new();
+    let mut colors: Vec<([f64; 4], u8)> = Vec::new();
     for k in 0..vertices {
         let (line, text) = lines.next().ok_or_else(|| ended(&format!("vertex {k} of {vertices}")))?;
         values.clear();
@@ -75,11 +81,21 @@ pub fn parse_off(bytes: &[u8], path: &Path) -> Result<LoadedMesh> {
             return Err(fail(Some(line), format!("vertex {k} has only {} numbers", values.len())));
         }
         builder.mesh.positions.push(DVec3::new(values[0], values[1], values[2]));
+        if let Some(color) = colors_at.and_then(|at| values.get(at..values.len() - 2 * usize::from(has_texcoords))) {
+            let mut numbers = [0.0; 4];
+            let count = color.len().min(4);
+            numbers[..count].copy_from_slice(&color[..count]);
+            colors.push((numbers, count as u8));
+        }
         if let [.., u, v] = values[..]
             && has_texcoords
         {
             builder.mesh.texcoords.push(DVec2::new(u, v));
         }
+    }
+    if let Some(colors) = vertex_colors::of_rows(&colors).filter(|c| c.values.len() == vertices as usize * c.channels) {
+        builder.mesh.colors = colors.rgba();
+        colors.note.into_iter().for_each(|note| notes.say(note));
     }
     for k in 0..faces {
         let (line, text) = lines.next().ok_or_else(|| ended(&format!("face {k} of {faces}")))?;
@@ -121,12 +137,18 @@ mod tests {
             "# made\nOFF\n\n# counts\n4 3\n",
             "4 3 0\n",
             "COFF\r\n4 3 0\r\n",
+            "OFF\r4 3 0\r",
             "NOFF\n4 3 0\n",
         ] {
             let loaded = parse(&format!("{head}{body}")).unwrap();
             assert_eq!(loaded.mesh.triangles(), [[0, 1, 2], [0, 2, 3], [3, 2, 1]], "{head}");
             assert_eq!(loaded.warnings.len(), 1);
         }
+        let colored =
+            parse("STCOFF\n3 1 0\n0 0 0 255 0 51 255 0 1\n1 0 0 0 0 0 255 0 0\n0 1 0 0 0 0 0 1 1\n3 0 1 2 9 9 9")
+                .unwrap();
+        assert_eq!(colored.mesh.colors, [[1.0, 0.0, 0.2, 1.0], [0.0, 0.0, 0.0, 1.0], [0.0; 4]]);
+        assert_eq!((colored.warnings.len(), colored.mesh.texcoords[0]), (1, DVec2::new(0.0, 1.0)));
         let with_uv = parse("STOFF\n3 1 0\n0 0 0 0 1\n1 0 0 0.5 0.25\n0 1 0 1 1\n3 0 1 2").unwrap().mesh;
         assert_eq!(with_uv.triangle_texcoords(0).unwrap()[1], DVec2::new(0.5, 0.25));
     }

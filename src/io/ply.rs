@@ -1,6 +1,6 @@
 //! Stanford PLY, text and binary of either byte order.
 //!
-//! Kept: positions, normals, texture coordinates of vertices (`s t`, `u v`, `texture_u texture_v`) and of face corners (the `texcoord` list of
+//! Kept: positions, normals, colours ([`super::vertex_colors`]), texture coordinates of vertices (`s t`, `u v`, `texture_u texture_v`) and of face corners (the `texcoord` list of
 //! MeshLab, with `texnumber` and its `TextureFile` comments). Other elements and properties are passed over. Counts of the header are only believed
 //! as far as the file goes: nothing is allocated from them.
 
@@ -9,9 +9,13 @@ use std::path::Path;
 use glam::{DVec2, DVec3};
 
 use super::LoadedMesh;
-use super::assemble::{self, TexcoordPool};
-use super::ply_header::{Encoding, Header, Kind, Scalar};
+use super::assemble::{self, Faces, TexcoordPool};
+use super::locate::locate;
+use super::ply_header::{Encoding, Header, Kind, Property, Scalar};
 use super::source::{self, Notes};
+use super::spelling::{self, Spellings};
+use super::text_lines::line_at;
+use super::vertex_colors::{self, ColorColumn, Colors};
 use crate::geometry::{Corner, Material, MeshBuilder, NONE};
 use crate::{Error, Result};
 
@@ -32,19 +36,29 @@ pub fn read_ply(path: impl AsRef<Path>) -> Result<LoadedMesh> {
 /// # Errors
 /// As [`read_ply`].
 pub fn parse_ply(bytes: &[u8], path: &Path) -> Result<LoadedMesh> {
+    parse(bytes, path, Faces::Needed)
+}
+
+/// Reads a PLY file that may hold points alone.
+pub(super) fn read_points(path: &Path) -> Result<LoadedMesh> {
+    parse(&source::read_all(path)?, path, Faces::Optional)
+}
+
+fn parse(bytes: &[u8], path: &Path, faces: Faces) -> Result<LoadedMesh> {
     source::refuse_utf16(path, bytes)?;
     let header = Header::parse(bytes, path)?;
     let mut body = Body { bytes, at: header.length, encoding: header.encoding, path };
     let mut builder = MeshBuilder::new(path.display().to_string());
     let mut notes = Notes::default();
-    for name in &header.textures {
-        let file = source::sibling(path, name);
-        if !file.is_file() {
-            notes.say(format!("the texture {} does not exist", file.display()));
-        }
-        let material = Material { name: name.clone(), base_color_texture: Some(file), ..Material::default() };
+    let mut spellings = Spellings::new(spelling::guess(header.textures.iter().map(Vec::as_slice)));
+    for written in &header.textures {
+        let found = locate(path, written);
+        notes.texture(written, &found);
+        let name = spellings.text(written);
+        let material = Material { name, base_color_texture: Some(found.into_path()), ..Material::default() };
         builder.mesh.materials.push(material);
     }
+    builder.mesh.spellings = spellings.into_bytes().collect();
     for element in &header.elements {
         let mut item = Item::new(&element.properties.iter().map(|p| p.kind).collect::<Vec<_>>());
         let find = |names: &[&str], list: bool| {
@@ -54,7 +68,16 @@ pub fn parse_ply(bytes: &[u8], path: &Path) -> Result<LoadedMesh> {
         match element.name.as_str() {
             "vertex" => {
                 let slots = VertexSlots::find(&find, path)?;
-                body.each(&element.name, element.count, &mut item, |item| slots.store(item, &mut builder))?;
+                let mut columns = color_columns(&element.properties);
+                body.each(&element.name, element.count, &mut item, |item| {
+                    columns.iter_mut().for_each(|(k, c)| c.values.push(item.scalars[*k]));
+                    slots.store(item, &mut builder)
+                })?;
+                let columns: Vec<VertexColumn> = columns.into_iter().map(|(_, c)| c).collect();
+                if let Some(colors) = colors(&columns) {
+                    builder.mesh.colors = colors.rgba();
+                    colors.note.into_iter().for_each(|note| notes.say(note));
+                }
             }
             "face" => {
                 let Some(indices) = find(&["vertex_indices", "vertex_index"], true) else {
@@ -82,7 +105,7 @@ pub fn parse_ply(bytes: &[u8], path: &Path) -> Result<LoadedMesh> {
     if !mesh.normals.is_empty() && mesh.normals.len() != mesh.positions.len() {
         mesh.normals.clear();
     }
-    assemble::finish(builder, notes, path)
+    assemble::finish_as(builder, notes, path, faces)
 }
 
 /// A scalar property of the vertices of a PLY file.
@@ -93,6 +116,26 @@ pub(crate) struct VertexColumn {
     pub(crate) byte: bool,
     /// One for each vertex, as stored.
     pub(crate) values: Vec<f64>,
+}
+
+/// The colours among columns of vertices.
+pub(crate) fn colors(columns: &[VertexColumn]) -> Option<Colors> {
+    fn column(c: &VertexColumn) -> ColorColumn<'_> {
+        ColorColumn { name: &c.name, byte: c.byte, values: &c.values }
+    }
+    vertex_colors::find(&columns.iter().map(column).collect::<Vec<_>>())
+}
+
+/// Empty columns for the properties that may be colours, with their places.
+fn color_columns(properties: &[Property]) -> Vec<(usize, VertexColumn)> {
+    let column = |(k, p): (usize, &Property)| match p.kind {
+        Kind::Scalar(scalar) if vertex_colors::may_be(&p.name) => {
+            let byte = matches!(scalar, Scalar::U8);
+            Some((k, VertexColumn { name: p.name.clone(), byte, values: Vec::new() }))
+        }
+        _ => None,
+    };
+    properties.iter().enumerate().filter_map(column).collect()
 }
 
 /// The scalar properties of the vertices of a PLY file, in its order; of several with one name the first.
@@ -256,8 +299,7 @@ impl Body<'_> {
         }
         for k in 0..count {
             if let Err(what) = self.item(item).and_then(|()| store(item)) {
-                let line = (self.encoding == Encoding::Ascii)
-                    .then(|| 1 + self.bytes[..self.at].iter().filter(|b| **b == b'\n').count());
+                let line = (self.encoding == Encoding::Ascii).then(|| line_at(self.bytes, self.at));
                 let what = format!("{name} {k} of {count}: {what}");
                 return Err(Error::format(self.path, line, what, "The file is damaged: export the mesh again"));
             }

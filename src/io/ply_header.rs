@@ -49,7 +49,7 @@ pub(crate) struct Header {
     pub(crate) encoding: Encoding,
     pub(crate) elements: Vec<Element>,
     /// Files of `comment TextureFile`, in order.
-    pub(crate) textures: Vec<String>,
+    pub(crate) textures: Vec<Vec<u8>>,
     /// Bytes up to and with the line `end_header`.
     pub(crate) length: usize,
 }
@@ -101,13 +101,38 @@ impl Scalar {
     }
 }
 
+/// What ends the lines of a header. The data of a binary file begin behind the last of them, so that there must be one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum LineEnd {
+    /// With a carriage return before it, or without.
+    LineFeed,
+    /// A carriage return alone.
+    Return,
+}
+
+impl LineEnd {
+    fn of(bytes: &[u8]) -> Self {
+        let first = bytes.iter().position(|b| matches!(b, b'\n' | b'\r'));
+        match first.map(|k| &bytes[k..]) {
+            Some([b'\r', next, ..]) if *next != b'\n' => Self::Return,
+            _ => Self::LineFeed,
+        }
+    }
+
+    fn lines(self, bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
+        let end = if self == Self::Return { b'\r' } else { b'\n' };
+        bytes.split_inclusive(move |b| *b == end)
+    }
+}
+
 impl Header {
     pub(crate) fn parse(bytes: &[u8], path: &Path) -> Result<Self> {
         let remedy = "Check that this is a PLY file, or export the mesh again";
         let mut encoding = None;
         let (mut elements, mut textures) = (Vec::<Element>::new(), Vec::new());
         let mut length = 0;
-        for (k, line) in bytes.split_inclusive(|b| *b == b'\n').enumerate() {
+        let end = LineEnd::of(bytes);
+        for (k, line) in end.lines(bytes).enumerate() {
             length += line.len();
             let text = String::from_utf8_lossy(line);
             let text = text.trim();
@@ -122,7 +147,9 @@ impl Header {
             match words[..] {
                 [] | ["obj_info", ..] => {}
                 ["comment", "TextureFile", ..] => {
-                    textures.push(text.split_once("TextureFile").map_or("", |t| t.1).trim().to_owned());
+                    let name =
+                        line.windows(11).position(|w| w == b"TextureFile").map_or(&[][..], |at| &line[at + 11..]);
+                    textures.push(name.trim_ascii().to_vec());
                 }
                 ["comment", ..] => {}
                 ["format", word, ..] => {

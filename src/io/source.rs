@@ -2,8 +2,9 @@
 
 use std::fs::File;
 use std::io::{self, BufReader, Read};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use super::locate::Located;
 use crate::{Error, Result};
 
 /// Opens a regular file for reading.
@@ -59,13 +60,6 @@ pub(crate) fn refuse_utf16(path: &Path, head: &[u8]) -> Result<()> {
     Ok(())
 }
 
-/// A path written in a file, relative to that file's folder. Backslashes of other systems are folder separators where no such file exists.
-pub(crate) fn sibling(file: &Path, written: &str) -> PathBuf {
-    let folder = file.parent().unwrap_or(Path::new(""));
-    let direct = folder.join(written);
-    if !direct.exists() && written.contains('\\') { folder.join(written.replace('\\', "/")) } else { direct }
-}
-
 /// Things passed over while reading, each kind told once with its count and first line.
 #[derive(Debug, Default)]
 pub(crate) struct Notes {
@@ -88,6 +82,19 @@ impl Notes {
             0..20 if !self.texts.contains(&text) => self.texts.push(text),
             20 => self.texts.push("and more of the same".to_owned()),
             _ => {}
+        }
+    }
+
+    /// Tells where a texture was found that is not where the file says, or that there is none.
+    pub(crate) fn texture(&mut self, written: &[u8], found: &Located) {
+        match found {
+            Located::AsWritten(_) => {}
+            Located::Elsewhere(path) => self.say(format!(
+                "the texture {} is not there; {} is taken",
+                String::from_utf8_lossy(written),
+                path.display()
+            )),
+            Located::Missing(path) => self.say(format!("the texture {} does not exist", path.display())),
         }
     }
 

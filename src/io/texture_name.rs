@@ -43,6 +43,14 @@ impl TextureName {
         places.iter().any(|p| self.0.contains(p))
     }
 
+    /// Whether `file` is this name with some tile filled in.
+    pub(crate) fn matches_tile(&self, file: &str) -> bool {
+        let tile = |places: &[&str]| places.iter().find_map(|p| self.0.split_once(p));
+        let Some((before, after)) = tile(&UDIM).or_else(|| tile(&UVTILE)) else { return false };
+        let number = file.strip_prefix(before).and_then(|rest| rest.strip_suffix(after));
+        number.is_some_and(|n| !n.is_empty() && n.chars().all(|c| c.is_ascii_digit() || "uv_".contains(c)))
+    }
+
     /// The file of the tile with the lower corner `(u, v)`, not negative; names of roles and materials have what file systems forbid replaced by `_`.
     pub fn file(&self, tile: Option<[i32; 2]>, role: &str, material: &str) -> PathBuf {
         let mut text = self.0.clone();

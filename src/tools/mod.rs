@@ -9,6 +9,7 @@ pub mod deform;
 pub mod differential;
 pub mod inverse_map;
 pub mod morph;
+pub mod point_cloud;
 pub mod remesh;
 pub mod render;
 pub mod spline;

@@ -11,6 +11,7 @@ mod faults;
 mod kinds;
 mod machine;
 mod map;
+mod materials;
 mod morph;
 mod pairs;
 mod remesh;

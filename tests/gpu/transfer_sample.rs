@@ -1,7 +1,7 @@
 //! The kernel `sample_texture` against its reference, and whole transfers where the device runs all stages.
 
 use barymap::engine::{Backend, Engine, EngineOptions, Gpu};
-use barymap::geometry::{Material, Mesh, MeshBuilder, NONE};
+use barymap::geometry::{Material, Mesh, MeshBuilder, NONE, Wrap};
 use barymap::progress::Quiet;
 use barymap::raster::{Depth, Image, Pixels};
 use barymap::surface::Status;
@@ -65,7 +65,8 @@ fn footprints(image: &Image, count: usize, r: &mut Random) -> Vec<Footprint> {
 
 /// What rounding may do to a colour: the error allowed, in the range of the samples, and whether the filter is about to decide
 /// otherwise (number of taps, level).
-fn allowed(f: &Footprint, image: &Image, params: &SampleParams) -> (f64, bool) {
+fn allowed(f: &Footprint, chain: &MipChain<'_>, params: &SampleParams) -> (f64, bool) {
+    let image = chain.image;
     let size = [f64::from(image.width), f64::from(image.height)];
     let scaled = |v: [f32; 2]| [f64::from(v[0]) * size[0], f64::from(v[1]) * size[1]];
     let (dx, dy) = (scaled(f.dx), scaled(f.dy));
@@ -99,7 +100,13 @@ fn allowed(f: &Footprint, image: &Image, params: &SampleParams) -> (f64, bool) {
     let turn = (4.0 * EPSILON * wide * wide / root.max(f64::MIN_POSITIVE)).min(1.0);
     let offsets =
         if params.filter == Filter::Anisotropic { turn * (wide - narrow) + 4.0 * EPSILON * wide } else { 0.0 };
-    let places = 4.0 * EPSILON * (size[0].max(size[1]) + 1.0);
+    // Repeats are taken to the picture, mirrored ones to it and the next; a picture that ends is left where the footprint lies.
+    let sides = [0, 1].map(|a| match chain.wrap[a] {
+        Wrap::Repeat => size[a],
+        Wrap::Mirror => 2.0 * size[a],
+        Wrap::Clamp => size[a] * f64::from(f.centre[a].abs()).clamp(1.0, 1000.0),
+    });
+    let places = 4.0 * EPSILON * (sides[0].max(sides[1]) + 1.0);
     // From texel to texel a colour may change by all of its range, along either axis, at the level it is read from.
     let colour = 2.0 * (places + offsets / step);
     (colour + 2.0 * log + 32.0 * EPSILON, decides)
@@ -115,7 +122,7 @@ struct Comparison {
 
 /// Compares colours, `channels` per footprint, of a picture whose samples reach to `range`.
 fn compare(
-    image: &Image,
+    chain: &MipChain<'_>,
     params: &SampleParams,
     range: f64,
     footprints: &[Footprint],
@@ -131,7 +138,7 @@ fn compare(
             c.same += 1;
             continue;
         }
-        let (allowed, decides) = allowed(f, image, params);
+        let (allowed, decides) = allowed(f, chain, params);
         if f.face != 0 || !allowed.is_finite() {
             return Err(format!("footprint {i}, {f:?}: {g:?}, expected {e:?}"));
         }
@@ -177,7 +184,9 @@ fn colours_are_the_reference_s() {
                         linear_light: (k + d) % 2 == 0,
                         alpha: if (k + channels as usize).is_multiple_of(3) { Alpha::Data } else { Alpha::Opacity },
                     };
-                    let chain = MipChain::new(&image, encoding).unwrap();
+                    let modes = [Wrap::Repeat, Wrap::Clamp, Wrap::Mirror];
+                    let wrap = [modes[(k + d) % 3], modes[(k + channels as usize) % 3]];
+                    let chain = MipChain { wrap, ..MipChain::new(&image, encoding).unwrap() };
                     let filter = [Filter::Anisotropic, Filter::Trilinear, Filter::Bilinear][(k + d) % 3];
                     let widened = (channels..=4).filter(|&c| c == channels || c == 4 || c == channels + 1);
                     for (wide, taps) in widened.zip([16, 1, 5]) {
@@ -191,7 +200,7 @@ fn colours_are_the_reference_s() {
                         let range = if depth == Depth::F32 { 100.0 } else { 1.0 };
                         // Opacity multiplies floats with one another.
                         let range = if image.has_alpha() { range * range } else { range };
-                        let c = compare(&image, &params, range, &places, &expected, &found).unwrap_or_else(|e| {
+                        let c = compare(&chain, &params, range, &places, &expected, &found).unwrap_or_else(|e| {
                             panic!("{w} x {h} x {channels} {depth:?} {encoding:?} {params:?}: {e}")
                         });
                         assert!(left <= 5, "{left} left to the reference");
@@ -214,7 +223,7 @@ fn more_footprints_than_a_dispatch_takes() {
     let params = SampleParams { filter: Filter::Anisotropic, taps: 16, channels: 4, texture: 0 };
     let places = footprints(&image, 300_001, &mut r);
     let (expected, found, _) = both(gpu, &chain, &params, &places);
-    eprintln!("{:?}", compare(&image, &params, 1.0, &places, &expected, &found).unwrap());
+    eprintln!("{:?}", compare(&chain, &params, 1.0, &places, &expected, &found).unwrap());
     // None at all.
     let (expected, found, _) = both(gpu, &chain, &params, &[]);
     assert!(expected.is_empty() && found.is_empty());
@@ -229,10 +238,10 @@ fn the_comparison_of_colours_finds_wrong_ones() {
     let places = footprints(&image, 200, &mut r);
     let mut good = vec![0.0; 800];
     sample_texture(&chain, &params, &[0, 1], &places, &mut good);
-    let check = |colors: &[f32]| compare(&image, &params, 1.0, &places, &good, colors);
+    let check = |colors: &[f32]| compare(&chain, &params, 1.0, &places, &good, colors);
     assert_eq!(check(&good).unwrap().same, 200);
     let plain =
-        places.iter().enumerate().skip(10).find(|(_, f)| f.face == 0 && !allowed(f, &image, &params).1).unwrap().0;
+        places.iter().enumerate().skip(10).find(|(_, f)| f.face == 0 && !allowed(f, &chain, &params).1).unwrap().0;
     let none = places.iter().position(|f| f.face == NONE).unwrap();
     for (at, wrong) in [(plain, good[4 * plain] + 1e-3), (plain, f32::NAN), (none, 0.5)] {
         let mut bad = good.clone();
@@ -300,6 +309,8 @@ impl Scene {
             material_texture: (0..images.len() as u32).collect(),
             default_texture: NONE,
             // As tiles: these pictures end at their borders.
+            placements: Vec::new(),
+            vertices: None,
             face_texture: (name == "rough").then(|| (0..self.source.triangle_count() as u32).map(|t| t % 2).collect()),
             encoding: Encoding { linear_light: images.len() == 2, ..Encoding::default() },
             kind: LayerKind::Color,

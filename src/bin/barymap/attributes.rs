@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use barymap::Result;
 use barymap::io::attribute_table::{
-    AttributeStyle, AttributeTable, Columns, RowStatus, check_attribute_extension, read_attributes, write_attributes,
+    AttributeStyle, AttributeTable, Columns, RowStatus, check_attribute_extension, read_attributes, read_colors,
+    write_attributes,
 };
 use barymap::tools::attributes::{Attribute, AttributeKind, Fill, VertexStatus, transfer_attributes};
 use clap::ValueEnum;
@@ -54,7 +55,7 @@ enum KindName {
     /// Interpolated linearly
     #[default]
     Scalars,
-    /// As scalars; of a PLY file its colours
+    /// As scalars; of a mesh file (PLY, OBJ, OFF, glTF) its vertex colours
     Colors,
     /// Skin weights: a column for each bone, made to sum to one
     Weights,
@@ -98,15 +99,20 @@ impl Arguments {
     }
 
     /// Reads file `i` as an attribute, with the names of its columns.
-    fn read(&self, i: usize) -> Result<(Attribute, Vec<String>)> {
+    fn read(&self, i: usize, session: &Session<'_>) -> Result<(Attribute, Vec<String>)> {
         let (path, kind) = (&self.attributes[i], self.kind(i));
         let columns = match kind {
             _ if !self.columns.is_empty() => Columns::Named(self.columns.clone()),
-            KindName::Colors => Columns::Colors,
             KindName::Normals => Columns::Normals,
             _ => Columns::Data,
         };
-        let table = read_attributes(path, &columns)?;
+        let table = if kind == KindName::Colors && self.columns.is_empty() {
+            let (table, notes) = read_colors(path)?;
+            notes.iter().for_each(|note| session.warn(&format!("{}: {note}", path.display())));
+            table
+        } else {
+            read_attributes(path, &columns)?
+        };
         let kind = match kind {
             KindName::Scalars | KindName::Colors => AttributeKind::Scalars,
             KindName::Weights => AttributeKind::Weights { keep: self.top.unwrap_or(0) },
@@ -126,8 +132,11 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     check_outputs(arguments.output.iter().map(PathBuf::as_path))?;
     let mut session = Session::start(common)?;
     let (mut source, mut target) = (session.mesh(&arguments.source)?, session.mesh(&arguments.target)?);
-    let (given, names): (Vec<Attribute>, Vec<Vec<String>>) =
-        (0..arguments.attributes.len()).map(|i| arguments.read(i)).collect::<Result<Vec<_>>>()?.into_iter().unzip();
+    let (given, names): (Vec<Attribute>, Vec<Vec<String>>) = (0..arguments.attributes.len())
+        .map(|i| arguments.read(i, &session))
+        .collect::<Result<Vec<_>>>()?
+        .into_iter()
+        .unzip();
     // Before the costly part.
     given.iter().try_for_each(|a| a.check(&source.mesh))?;
     session.watch.lap("read");

@@ -86,6 +86,13 @@ pub(crate) fn source_key(source: &Mesh, layers: &[Textures]) -> CacheKey {
     for layer in layers {
         key = key.bytes(layer.role.as_bytes()).values(&layer.material_texture).number(u64::from(layer.default_texture));
         key = key.values(layer.face_texture.as_deref().unwrap_or_default());
+        for placement in &layer.placements {
+            let place = placement.transform.to_cols_array().map(f64::to_bits);
+            let wrap = placement.wrap.map(|w| w as u64);
+            key = place.into_iter().chain(wrap).fold(key, CacheKey::number);
+        }
+        let colors: Vec<f32> = layer.vertices.iter().flatten().flatten().copied().collect();
+        key = key.values(&colors);
         key = layer.images.iter().fold(key, image_key);
     }
     key

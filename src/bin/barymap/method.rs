@@ -56,6 +56,14 @@ impl MethodArguments {
         }
     }
 
+    /// The method for a source that is no surface: radial basis functions where another one is asked for.
+    pub(crate) fn for_points(self) -> Self {
+        match self.method {
+            MethodName::Rbf | MethodName::Closest => Self { relax: Some(false), ..self },
+            _ => Self { method: MethodName::Rbf, relax: Some(false), align: false },
+        }
+    }
+
     /// The name in reports and messages.
     pub(crate) fn name(self) -> &'static str {
         match (self.method(), self.relax) {

@@ -2,14 +2,13 @@
 
 use std::path::PathBuf;
 
-use barymap::Result;
-use barymap::geometry::NONE;
-use barymap::tools::render::{Coloring, RenderOptions, render};
+use barymap::tools::render::{Coloring, PlacedTexture, RenderOptions, render};
+use barymap::{Error, Result};
 use image::RgbaImage;
 
 use crate::common::{Common, Session, check_outputs, size};
 use crate::demo::{from_rgba, to_rgba};
-use crate::transfer::own_textures;
+use crate::transfer::{Textures, own_textures};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -54,20 +53,30 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         None => Vec::new(),
     };
     let single = arguments.texture.as_ref().map(|p| to_rgba(&barymap::io::read_image(p)?)).transpose()?;
-    let own = match &single {
-        None if surface.mesh.has_texcoords() => own_textures(&surface).ok(),
+    let own = match (&single, own_textures(&surface)) {
+        (None, Ok(own)) => Some(own),
+        // A file without textures and colours is no fault; one whose textures cannot be read is told.
+        (None, Err(error)) if !matches!(error, Error::Option { .. }) => {
+            session.warn(&format!("shown without its textures: {error}"));
+            None
+        }
         _ => None,
     };
     let own_images: Vec<RgbaImage> = own.iter().flat_map(|t| &t.images).map(to_rgba).collect::<Result<_>>()?;
-    let materials: Vec<Option<&RgbaImage>> = own
-        .iter()
-        .flat_map(|t| &t.material_texture)
-        .map(|&i| if i == NONE { None } else { own_images.get(i as usize) })
-        .collect();
-    let coloring = match &single {
-        Some(image) => Coloring::Texture(image),
-        None if !materials.is_empty() => Coloring::Materials(&materials),
-        None => Coloring::Plain([190, 190, 196]),
+    let placed = |t: &Textures, i: u32| {
+        let placement = t.placements.get(i as usize).copied().unwrap_or_default();
+        Some(PlacedTexture { image: own_images.get(i as usize)?, placement })
+    };
+    let materials: Vec<Option<PlacedTexture<'_>>> =
+        own.iter().flat_map(|t| t.material_texture.iter().map(move |&i| placed(t, i))).collect();
+    let byte = |c: f32| (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
+    let vertices = own.as_ref().and_then(|t| t.vertices.as_ref());
+    let vertices: Option<Vec<[u8; 3]>> = vertices.map(|v| v.iter().map(|c| [c[0], c[1], c[2]].map(byte)).collect());
+    let coloring = match (&single, &vertices) {
+        (Some(image), _) => Coloring::Texture(image),
+        (None, Some(colors)) => Coloring::Vertices(colors),
+        (None, None) if !materials.is_empty() => Coloring::Materials(&materials),
+        (None, None) => Coloring::Plain([190, 190, 196]),
     };
     let options = RenderOptions {
         width: arguments.size.0,

@@ -202,7 +202,9 @@ pub fn with_texcoords(mesh: &Mesh, decal: &Decal, only_patch: bool) -> Mesh {
             .flat_map(|(a, b)| [a.vertex, b.vertex])
             .for_each(|v| used[v as usize] = true);
     }
-    let mut builder = MeshBuilder::new(mesh.name.clone());
+    let mut builder = MeshBuilder::like(mesh);
+    // The picture is the decal's, whatever the materials show.
+    builder.mesh.materials.clear();
     let (mut place, mut coordinate) = (vec![NONE; mesh.vertex_count()], vec![NONE; mesh.vertex_count()]);
     for v in 0..mesh.vertex_count() {
         if used[v] || !only_patch {
@@ -215,9 +217,9 @@ pub fn with_texcoords(mesh: &Mesh, decal: &Decal, only_patch: bool) -> Mesh {
         }
     }
     builder.mesh.normals = mesh.normals.clone();
-    builder.mesh.groups = mesh.groups.clone();
     for p in (0..mesh.polygon_count()).filter(|&p| shows[p] || !only_patch) {
-        builder.group = mesh.polygon_group(p);
+        builder.follow(mesh, p);
+        builder.material = NONE;
         builder.polygon(mesh.file_polygon(p).zip(mesh.polygon(p)).map(|(c, joined)| Corner {
             vertex: place[c.vertex as usize],
             texcoord: if shows[p] { coordinate[joined.vertex as usize] } else { NONE },

@@ -14,7 +14,7 @@ use image::{Rgba, RgbaImage};
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::geometry::{Mesh, SurfacePoint};
+use crate::geometry::{Mesh, Placement, SurfacePoint};
 use camera::Camera;
 use shade::Shader;
 
@@ -28,10 +28,20 @@ pub enum Coloring<'a> {
     Plain([u8; 3]),
     /// One texture for all triangles that have texture coordinates (wrapped, row 0 at v = 1); the others are grey.
     Texture(&'a RgbaImage),
-    /// A texture per material by its index; triangles without one are grey.
-    Materials(&'a [Option<&'a RgbaImage>]),
-    /// A colour per vertex, sRGB, interpolated; vertices beyond the end of the slice are grey.
+    /// A texture per material by its index; triangles without one are grey. A texture of one texel needs no texture
+    /// coordinates.
+    Materials(&'a [Option<PlacedTexture<'a>>]),
+    /// A colour per vertex of the file, sRGB, interpolated; vertices beyond the end of the slice are grey.
     Vertices(&'a [[u8; 3]]),
+}
+
+/// A texture and how it lies on the surface.
+#[derive(Clone, Copy, Debug)]
+pub struct PlacedTexture<'a> {
+    /// The texture; row 0 is v = 1.
+    pub image: &'a RgbaImage,
+    /// How it lies.
+    pub placement: Placement,
 }
 
 /// What a picture looks like.

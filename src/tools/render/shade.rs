@@ -8,7 +8,7 @@ use image::RgbaImage;
 use super::camera::Camera;
 use super::raster::{Edges, Fragments};
 use super::{Coloring, RenderOptions};
-use crate::geometry::{Mesh, NONE};
+use crate::geometry::{Corner, Mesh, NONE, Placement, Wrap};
 
 /// Shown where there is no colour.
 const GREY: [u8; 3] = [176, 176, 176];
@@ -61,17 +61,16 @@ impl Mips {
         Some(Self(levels))
     }
 
-    /// Bilinear sample at wrapped coordinates, row 0 at v = 1.
-    fn sample(&self, uv: DVec2, level: usize) -> Vec3 {
+    /// Bilinear sample at the place `uv` of the picture, row 0 at v = 1.
+    fn sample(&self, uv: DVec2, wrap: [Wrap; 2], level: usize) -> Vec3 {
         let (w, h, texels) = &self.0[level.min(self.0.len() - 1)];
-        let x = uv.x.rem_euclid(1.0) * *w as f64 - 0.5;
-        let y = (1.0 - uv.y).rem_euclid(1.0) * *h as f64 - 0.5;
+        let x = uv.x * *w as f64 - 0.5;
+        let y = (1.0 - uv.y) * *h as f64 - 0.5;
         let (i, j) = (x.floor(), y.floor());
         let (s, t) = ((x - i) as f32, (y - j) as f32);
         let at = |i: f64, j: f64| {
-            let i = (i as i64).rem_euclid(*w as i64) as usize;
-            let j = (j as i64).rem_euclid(*h as i64) as usize;
-            texels[j * w + i]
+            let (i, j) = (wrap[0].texel(i as i64, *w as u32), wrap[1].texel(j as i64, *h as u32));
+            texels[j as usize * w + i as usize]
         };
         at(i, j).lerp(at(i + 1.0, j), s).lerp(at(i, j + 1.0).lerp(at(i + 1.0, j + 1.0), s), t)
     }
@@ -84,14 +83,16 @@ pub(super) struct Shader<'a> {
     camera: Camera,
     options: &'a RenderOptions,
     normals: Vec<DVec3>,
-    textures: Vec<Option<Mips>>,
+    textures: Vec<Option<(Mips, Placement)>>,
 }
 
 impl<'a> Shader<'a> {
     pub(super) fn new(mesh: &'a Mesh, coloring: Coloring<'a>, camera: &Camera, options: &'a RenderOptions) -> Self {
         let textures = match coloring {
-            Coloring::Texture(t) => vec![Mips::new(t)],
-            Coloring::Materials(all) => all.iter().map(|t| t.and_then(Mips::new)).collect(),
+            Coloring::Texture(t) => vec![Mips::new(t).map(|mips| (mips, Placement::default()))],
+            Coloring::Materials(all) => {
+                all.iter().map(|t| t.and_then(|t| Some((Mips::new(t.image)?, t.placement)))).collect()
+            }
             _ => Vec::new(),
         };
         let normals = if options.lighting { smooth_normals(mesh) } else { Vec::new() };
@@ -150,11 +151,12 @@ impl<'a> Shader<'a> {
             Coloring::Materials(_) => self.mesh.triangle_material(t as usize) as usize,
             _ => 0,
         };
-        let texcoords = self
-            .mesh
-            .triangle_texcoords(t as usize)
-            .filter(|uv| uv.iter().all(|uv| uv.is_finite() && uv.abs().max_element() < 1e6));
-        let texture = self.textures.get(material).and_then(Option::as_ref).zip(texcoords).map(|(mips, uv)| {
+        let texture = self.textures.get(material).and_then(Option::as_ref);
+        let bare = || texture.filter(|(mips, _)| (mips.0[0].0, mips.0[0].1) == (1, 1)).map(|_| [DVec2::ZERO; 3]);
+        let texcoords = self.mesh.triangle_texcoords(t as usize).or_else(bare);
+        let placed = texture.zip(texcoords).map(|((mips, placement), uv)| (mips, uv.map(|uv| placement.apply(uv))));
+        let usable = |uv: &[DVec2; 3]| uv.iter().all(|uv| uv.is_finite() && uv.abs().max_element() < 1e6);
+        let texture = placed.filter(|(_, uv)| usable(uv)).map(|(mips, uv)| {
             // The level at which a sample covers about one texel, by the ratio of areas.
             let (w, h, _) = &mips.0[0];
             let texels = ((uv[1] - uv[0]).perp_dot(uv[2] - uv[0])).abs() * (*w * *h) as f64;
@@ -165,10 +167,19 @@ impl<'a> Shader<'a> {
         // Heights of the corners over their opposite edges, in samples: turns barycentrics into distances for the wireframe.
         let area = (flat[1] - flat[0]).perp_dot(flat[2] - flat[0]).abs();
         let heights = [0, 1, 2].map(|k| area / flat[(k + 1) % 3].distance(flat[(k + 2) % 3]));
+        // Vertices that the file repeats may have normals and colours of their own.
+        let corners = self.mesh.file_triangle_corners(t as usize);
+        let own = |c: &Corner| self.mesh.normals.get(c.normal as usize).and_then(|n| n.try_normalize());
+        let normals = match [0, 1, 2].map(|k| own(&corners[k])) {
+            [Some(a), Some(b), Some(c)] if self.options.lighting => Some([a, b, c]),
+            _ => None,
+        };
         Some(Facet {
             front: edges.front(),
             edges,
             vertices,
+            file_vertices: corners.map(|c| c.vertex),
+            normals,
             weights: p.map(|p| self.camera.inverse_distance(p.z)),
             texture,
             heights,
@@ -183,18 +194,22 @@ impl<'a> Shader<'a> {
         let mut color = match self.coloring {
             Coloring::Plain(c) => linear_color(c),
             Coloring::Vertices(colors) => (0..3)
-                .map(|k| linear_color(colors.get(facet.vertices[k] as usize).copied().unwrap_or(GREY)) * b[k] as f32)
+                .map(|k| {
+                    let color = colors.get(facet.file_vertices[k] as usize).copied();
+                    linear_color(color.unwrap_or(GREY)) * b[k] as f32
+                })
                 .sum(),
             Coloring::Texture(_) | Coloring::Materials(_) => match &facet.texture {
                 Some((material, uv, level)) => {
                     let uv = uv[0] * b[0] + uv[1] * b[1] + uv[2] * b[2];
-                    self.textures[*material].as_ref().map_or(linear_color(GREY), |t| t.sample(uv, *level))
+                    self.textures[*material].as_ref().map_or(linear_color(GREY), |(t, p)| t.sample(uv, p.wrap, *level))
                 }
                 None => linear_color(GREY),
             },
         };
         if self.options.lighting {
-            let n: DVec3 = (0..3).map(|k| self.normals[facet.vertices[k] as usize] * b[k]).sum();
+            let smooth = |k: usize| self.normals[facet.vertices[k] as usize];
+            let n: DVec3 = (0..3).map(|k| facet.normals.map_or_else(|| smooth(k), |n| n[k]) * b[k]).sum();
             color = self.light(color, n.normalize_or(self.camera.back), facet.front);
         }
         if self.options.wireframe {
@@ -229,6 +244,10 @@ struct Facet {
     edges: Edges,
     front: bool,
     vertices: [u32; 3],
+    /// The same in the file, where it repeats them.
+    file_vertices: [u32; 3],
+    /// Unit normals of the corners, if the file has them.
+    normals: Option<[DVec3; 3]>,
     weights: [f64; 3],
     texture: Option<(usize, [DVec2; 3], usize)>,
     heights: [f64; 3],

@@ -5,15 +5,17 @@ use super::bins::Atlas;
 use super::charts::charts;
 use super::coordinates;
 use super::fill::{Fill, fill};
+use super::footprint::Footprint;
 use super::gpu::Stages;
 use super::kind::LayerKind;
 use super::layer::{Layer, copy_padding};
+use super::lookup::{Lookup, lookups};
 use super::output::{Output, Scratch};
 use super::pad::pad_seams;
 use super::plan::{Plan, fixed};
 use super::rebase::{Rebase, renormalise};
 use super::seams::seam_pairs;
-use super::tables::{source_triangles, target_triangles};
+use super::tables::target_triangles;
 use super::tally::{HOLE, Tally};
 use super::{LARGEST_SIDE, TransferOptions, TransferOutput, TransferStats, coverage};
 use crate::engine::Engine;
@@ -69,13 +71,7 @@ pub fn transfer_on(
         plan => plan?,
     };
     let mut watch = Stopwatch::on(engine);
-    let shapes = layers[0].texture_of(source);
-    let tiled = layers.iter().any(|l| l.face_texture.is_some());
-    let table = source_triangles(source, tiled, |t| {
-        let image = layers[0].images.get(shapes[t] as usize).unwrap_or(&layers[0].images[0]);
-        [image.width, image.height]
-    })?;
-    drop(shapes);
+    let (lookups, lookup_of) = lookups(source, layers)?;
     let mut grid = |scale: u32| -> Result<Window<'_>> {
         let size = [options.width * scale, options.height * scale];
         let atlas = Atlas::new(target, size[0], size[1], options.region, options.material, plan.most_triangles)?;
@@ -86,10 +82,10 @@ pub fn transfer_on(
     let mut coarse = grid(1)?;
     let mut fine = if options.supersample > 1 { Some(grid(options.supersample)?) } else { None };
     watch.lap("prepare");
-    let rebase = Rebase::for_kinds(layers.iter().map(|l| l.kind), source, target, map)?;
+    let rebases = rebases(&lookups, &lookup_of, layers, target, map)?;
     watch.lap("frames");
-    let mut outputs =
-        layers.iter().map(|l| Output::new(l, source, options, rebase.as_ref())).collect::<Result<Vec<_>>>()?;
+    let output = |(l, &lookup)| Output::new(l, source, lookup, options, rebases[lookup].as_ref());
+    let mut outputs = layers.iter().zip(&lookup_of).map(output).collect::<Result<Vec<_>>>()?;
     let mut sampler = stages.sampler(|s| outputs.iter_mut().try_for_each(|o| o.upload(s, options)))?;
     if sampler.is_none() {
         outputs.iter_mut().for_each(|o| o.device.clear());
@@ -105,34 +101,41 @@ pub fn transfer_on(
     };
     let mut tally = Tally::default();
     let mut scratch = Scratch::default();
+    scratch.footprints.resize_with(lookups.len(), Vec::new);
+    scratch.fine_footprints.resize_with(lookups.len(), Vec::new);
     let mut bands = 0;
     progress.stage("texels", (width * height) as u64);
     for start in (0..height).step_by(plan.rows) {
         let rows = start..(start + plan.rows).min(height);
         coarse.advance(&rows, &mut watch)?;
-        coarse.footprints(&rows, &table, &mut scratch.footprints);
+        for (lookup, footprints) in lookups.iter().zip(&mut scratch.footprints) {
+            coarse.footprints(&rows, &lookup.table, footprints);
+        }
         watch.lap("footprint");
         if let Some(fine) = &mut fine {
             let k = options.supersample as usize;
             let fine_rows = rows.start * k..rows.end * k;
             fine.advance(&fine_rows, &mut watch)?;
-            fine.footprints(&fine_rows, &table, &mut scratch.fine_footprints);
+            for (lookup, footprints) in lookups.iter().zip(&mut scratch.fine_footprints) {
+                fine.footprints(&fine_rows, &lookup.table, footprints);
+            }
             watch.lap("footprint");
         }
         for output in &mut outputs {
             output.sample(&rows, &coarse, fine.as_ref(), &mut scratch, options, sampler.as_mut())?;
             if options.fill != Fill::None {
-                let texture_of = &output.texture_of;
-                output.holes.collect(&rows, height, &coarse, &table, texture_of, options.fill_doubtful);
+                let (texture_of, table) = (&output.texture_of, &lookups[output.lookup].table);
+                output.holes.collect(&rows, height, &coarse, table, texture_of, options.fill_doubtful);
             }
         }
         watch.lap("sample_texture");
-        if let Some(stmap) = &mut stmap {
-            coordinates::write(stmap, &rows, &coarse, source, &table, tiled);
+        if let (Some(stmap), Some(lookup)) = (&mut stmap, lookups.iter().find(|l| l.has_pictures())) {
+            coordinates::write(stmap, &rows, &coarse, lookup);
         }
         let band = &mut covers[rows.start * width..rows.end * width];
-        let texture_of: Vec<&[u32]> = outputs.iter().map(|o| o.texture_of.as_slice()).collect();
-        tally.add(&rows, &coarse, &scratch.footprints, &texture_of, band);
+        let shown: Vec<(&[Footprint], &[u32])> =
+            (outputs.iter()).map(|o| (scratch.footprints[o.lookup].as_slice(), o.texture_of.as_slice())).collect();
+        tally.add(&rows, &coarse, &shown, band);
         watch.lap("coverage");
         bands += 1;
         progress.advance((rows.len() * width) as u64);
@@ -143,7 +146,7 @@ pub fn transfer_on(
         missing_texcoords: atlas.missing,
         degenerate_texcoords: atlas.degenerate,
         mirrored_texcoords: atlas.mirrored,
-        size_ratio: rebase.as_ref().map(Rebase::size_ratio),
+        size_ratio: rebases.iter().flatten().next().map(Rebase::size_ratio),
         memory: stats_memory,
         bands,
         ..tally.stats()
@@ -196,6 +199,21 @@ pub fn transfer_on(
     Ok(TransferOutput { layers, coverage, coordinates: stmap, stats })
 }
 
+/// What carries normals and heights, for each table of the source with layers that need it.
+fn rebases<'a>(
+    lookups: &'a [Lookup<'_>],
+    lookup_of: &[usize],
+    layers: &[Layer<'_>],
+    target: &'a Mesh,
+    map: &dyn PointMap,
+) -> Result<Vec<Option<Rebase<'a>>>> {
+    let of = |(k, lookup): (usize, &'a Lookup<'_>)| {
+        let kinds = layers.iter().zip(lookup_of).filter(|(_, l)| **l == k).map(|(layer, _)| layer.kind);
+        Rebase::for_kinds(kinds, &lookup.mesh, target, map)
+    };
+    lookups.iter().enumerate().map(of).collect()
+}
+
 /// Fills the holes of all pictures and returns how many texels got a colour; they are doubtful from then on.
 fn fill_holes(
     outputs: &mut [Output<'_>],
@@ -220,7 +238,7 @@ fn fill_holes(
     let mut filled = Vec::new();
     for output in outputs {
         let holes = std::mem::take(&mut output.holes);
-        let encoding = output.chains[0].encoding;
+        let encoding = output.encoding;
         let how = if output.kind == LayerKind::Labels { Fill::Nearest } else { options.fill };
         let (kind, depth, channels) = (output.kind, output.image.depth(), output.image.channels as usize);
         let finish = |color: &mut [f32]| renormalise(kind, depth, channels, color);
@@ -257,8 +275,9 @@ pub(super) fn check(source: &Mesh, layers: &[Layer<'_>], target: &Mesh, options:
         return Err(Error::input("no texture to transfer", "Give at least one layer"));
     }
     layers.iter().try_for_each(|l| l.check(source))?;
-    for mesh in [source, target] {
-        if !mesh.has_texcoords() {
+    let needed = [(source, layers.iter().any(|l| l.needs_texcoords())), (target, true)];
+    for (mesh, needed) in needed {
+        if needed && !mesh.has_texcoords() {
             return Err(Error::mesh(
                 &mesh.name,
                 "has no texture coordinates",

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::footprint::Footprint;
 use super::mip::MipChain;
-use crate::geometry::NONE;
+use crate::geometry::{NONE, Wrap};
 use crate::raster::{Image, Pixels};
 
 /// Distance to the centre of the source's texel, in texels. Below the steps of graphics devices' own filters (1/256), above what single
@@ -31,7 +31,7 @@ pub(super) fn copy_coinciding(
     let range = first * channels..(first + footprints.len()) * channels;
     let texel = |f: &Footprint| {
         let shown = f.face != NONE && texture_of[f.face as usize] == texture;
-        if shown { coinciding(f, [source.width, source.height], chain.repeats) } else { None }
+        if shown { coinciding(f, [source.width, source.height], chain.wrap) } else { None }
     };
     match (&mut image.pixels, &source.pixels) {
         (Pixels::U8(to), Pixels::U8(from)) => copy(&mut to[range], channels, from, source, u8::MAX, footprints, texel),
@@ -66,7 +66,7 @@ fn copy<T: Copy + Send + Sync>(
 
 /// The texel of a picture that a footprint coincides with.
 #[inline]
-fn coinciding(f: &Footprint, size: [u32; 2], repeats: bool) -> Option<usize> {
+fn coinciding(f: &Footprint, size: [u32; 2], wrap: [Wrap; 2]) -> Option<usize> {
     let s = size.map(|n| n as f32);
     let scaled = |v: [f32; 2]| [v[0] * s[0], v[1] * s[1]];
     let (dx, dy) = (scaled(f.dx), scaled(f.dy));
@@ -83,8 +83,7 @@ fn coinciding(f: &Footprint, size: [u32; 2], repeats: bool) -> Option<usize> {
             return None;
         }
         at[a] = match index as i64 {
-            i if repeats => i.rem_euclid(i64::from(size[a])) as usize,
-            i if (0..i64::from(size[a])).contains(&i) => i as usize,
+            i if wrap[a] != Wrap::Clamp || (0..i64::from(size[a])).contains(&i) => wrap[a].texel(i, size[a]) as usize,
             _ => return None,
         };
     }
@@ -104,7 +103,8 @@ mod tests {
             face: 0,
         };
         let (right, down) = ([1.0, 0.0], [0.0, 1.0]);
-        let at = |f: Footprint, repeats| coinciding(&f, [8, 4], repeats);
+        let at =
+            |f: Footprint, repeats: bool| coinciding(&f, [8, 4], [if repeats { Wrap::Repeat } else { Wrap::Clamp }; 2]);
         assert_eq!(at(f(3.5, 2.5, right, down), false), Some(19));
         assert_eq!(at(f(3.503, 2.497, [0.0, -1.0], [-1.0, 0.0]), false), Some(19), "turned");
         assert_eq!(at(f(3.506, 2.5, right, down), false), None, "beside the centre");
@@ -112,6 +112,7 @@ mod tests {
         assert_eq!(at(f(3.5, 2.5, right, right), false), None, "flat");
         assert_eq!(at(f(11.5, -1.5, right, down), true), Some(19), "repeated");
         assert_eq!(at(f(11.5, 2.5, right, down), false), None, "beyond the border");
+        assert_eq!(coinciding(&f(11.5, -1.5, right, down), [8, 4], [Wrap::Mirror; 2]), Some(12), "mirrored");
         assert_eq!(at(f(f32::NAN, 2.5, right, down), true), None);
         assert_eq!(at(f(f32::INFINITY, 2.5, right, down), true), None);
     }

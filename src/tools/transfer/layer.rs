@@ -8,7 +8,7 @@ use super::footprint::Footprint;
 use super::kind::LayerKind;
 use super::mip::{Alpha, Encoding, MipChain};
 use crate::error::{Error, Result};
-use crate::geometry::{Mesh, NONE};
+use crate::geometry::{Mesh, NONE, Placement, Wrap};
 use crate::raster::{Depth, Image, Pixels};
 
 /// One texture of the source (colour, roughness, normals ...), as a picture for all of it or one per material.
@@ -22,9 +22,14 @@ pub struct Layer<'a> {
     pub material_texture: Vec<u32>,
     /// Picture of triangles without material, or whose material is not listed; [`NONE`] if they have none.
     pub default_texture: u32,
-    /// Picture of each triangle of the source, [`NONE`] for one without, where materials do not decide it: tiles of UDIM textures. These
-    /// pictures end at their borders, the others repeat.
+    /// How each picture lies on the source; empty where all lie on its texture coordinates as they are, and repeat. A picture
+    /// that lies differently on two materials is listed twice.
+    pub placements: Vec<Placement>,
+    /// Picture of each triangle of the source, [`NONE`] for one without, where materials do not decide it: tiles of UDIM
+    /// textures. These lie on the texture coordinates of the file, each on its unit square, and end at their borders.
     pub face_texture: Option<Vec<u32>>,
+    /// Colours of the source's vertices (RGBA, 0..1), which are the layer in place of pictures.
+    pub vertices: Option<&'a [[f32; 4]]>,
     /// How samples are averaged, if they are colours.
     pub encoding: Encoding,
     /// What samples mean.
@@ -39,13 +44,50 @@ impl<'a> Layer<'a> {
             images: vec![image],
             material_texture: Vec::new(),
             default_texture: 0,
+            placements: Vec::new(),
             face_texture: None,
+            vertices: None,
             encoding: Encoding::default(),
             kind: LayerKind::default(),
         }
     }
 
+    /// A layer of colours of vertices, one for each vertex of the source's file.
+    pub fn of_vertices(name: impl Into<String>, colors: &'a [[f32; 4]]) -> Self {
+        Self {
+            name: name.into(),
+            images: Vec::new(),
+            material_texture: Vec::new(),
+            default_texture: 0,
+            placements: Vec::new(),
+            face_texture: None,
+            vertices: Some(colors),
+            encoding: Encoding::default(),
+            kind: LayerKind::default(),
+        }
+    }
+
+    /// Whether it shows pictures of more than one texel, for which the source needs texture coordinates.
+    pub(super) fn needs_texcoords(&self) -> bool {
+        self.images.iter().any(|i| (i.width, i.height) != (1, 1))
+    }
+
+    /// How picture `k` lies on the source.
+    pub(super) fn placement(&self, k: u32) -> Placement {
+        match &self.face_texture {
+            Some(_) => Placement { wrap: [Wrap::Clamp; 2], ..Placement::default() },
+            None => self.placements.get(k as usize).copied().unwrap_or_default(),
+        }
+    }
+
     pub(super) fn check(&self, source: &Mesh) -> Result<()> {
+        if let Some(colors) = self.vertices {
+            return self.check_vertices(colors, source);
+        }
+        if let Some(n) = Some(self.placements.len()).filter(|&n| n != 0 && n != self.images.len()) {
+            let what = format!("layer {} has {n} placements for {} pictures", self.name, self.images.len());
+            return Err(Error::input(what, "Give one for each picture, or none"));
+        }
         let triangles = source.triangle_count();
         if let Some(n) = self.face_texture.as_ref().map(Vec::len).filter(|&n| n != triangles) {
             return Err(Error::input(
@@ -73,6 +115,19 @@ impl<'a> Layer<'a> {
         }
     }
 
+    fn check_vertices(&self, colors: &[[f32; 4]], source: &Mesh) -> Result<()> {
+        if colors.len() != source.vertex_count() || !self.images.is_empty() {
+            let (n, vertices) = (colors.len(), source.vertex_count());
+            let what = format!("layer {} has {n} colours for {vertices} vertices, or pictures beside them", self.name);
+            return Err(Error::input(what, "Give one colour for each vertex, and no picture"));
+        }
+        if self.kind != LayerKind::Color {
+            let what = format!("layer {} holds {}, and colours of vertices", self.name, self.kind.name());
+            return Err(Error::input(what, "Carry them over as colours"));
+        }
+        Ok(())
+    }
+
     /// Whether the pictures can be what the kind says.
     fn check_kind(&self) -> Result<()> {
         let normals = matches!(self.kind, LayerKind::TangentNormal { .. } | LayerKind::ObjectNormal { .. });
@@ -94,23 +149,33 @@ impl<'a> Layer<'a> {
     }
 
     /// How samples are read: what is no colour is neither light nor weighted by alpha.
-    fn reading(&self) -> Encoding {
+    pub(super) fn reading(&self) -> Encoding {
         match self.kind {
             LayerKind::Color => self.encoding,
             _ => Encoding { linear_light: false, alpha: Alpha::Data },
         }
     }
 
-    /// The mip chain of a picture; labels have none.
-    pub(super) fn chain(&self, image: &'a Image) -> Result<MipChain<'a>> {
+    /// The mip chain of picture `k`; labels have none.
+    pub(super) fn chain(&self, k: usize) -> Result<MipChain<'a>> {
+        let chain = self.unplaced_chain(self.images[k])?;
+        Ok(MipChain { wrap: self.placement(k as u32).wrap, ..chain })
+    }
+
+    fn unplaced_chain(&self, image: &'a Image) -> Result<MipChain<'a>> {
         match self.kind {
-            LayerKind::Labels => Ok(MipChain { image, encoding: self.reading(), levels: Vec::new(), repeats: true }),
+            LayerKind::Labels => {
+                Ok(MipChain { image, encoding: self.reading(), levels: Vec::new(), wrap: [Wrap::Repeat; 2] })
+            }
             _ => MipChain::new(image, self.reading()),
         }
     }
 
     /// Picture of each triangle of the source.
     pub(super) fn texture_of(&self, source: &Mesh) -> Vec<u32> {
+        if self.vertices.is_some() {
+            return vec![0; source.triangle_count()];
+        }
         if let Some(texture_of) = &self.face_texture {
             return texture_of.clone();
         }
@@ -123,8 +188,9 @@ impl<'a> Layer<'a> {
 
     /// Channels and depth of the result: enough for every picture, and alpha for a transparent background.
     pub(super) fn output_format(&self, background: Background) -> (u32, Depth) {
-        let color = self.images.iter().any(|i| i.channels > 2);
-        let alpha = background == Background::Transparent || self.images.iter().any(|i| i.has_alpha());
+        let color = self.vertices.is_some() || self.images.iter().any(|i| i.channels > 2);
+        let opaque = self.vertices.is_none_or(|colors| colors.iter().all(|c| c[3] >= 1.0));
+        let alpha = background == Background::Transparent || !opaque || self.images.iter().any(|i| i.has_alpha());
         let depth = self.images.iter().map(|i| i.depth()).max_by_key(|d| d.bytes()).unwrap_or(Depth::U8);
         (if color { 3 } else { 1 } + u32::from(alpha), depth)
     }

@@ -11,10 +11,11 @@ use super::footprint::{Footprint, Located, footprint, locate};
 use super::gpu::Stages;
 use super::kind::LayerKind;
 use super::layer::{Layer, blank};
+use super::lookup::lookups;
 use super::output::Output;
 use super::pad::pad_seams;
 use super::plan::Plan;
-use super::tables::{SourceTriangle, TargetTriangle, source_triangles, target_triangles};
+use super::tables::{SourceTriangle, TargetTriangle, target_triangles};
 use super::tally::HOLE;
 use super::{TransferOptions, coverage};
 use crate::error::{Error, Result};
@@ -71,7 +72,7 @@ impl<'a> LiveTransfer<'a> {
     /// # Errors
     /// As [`transfer`](super::transfer), and for options and kinds of layers that cannot follow.
     pub fn new(
-        source: &Mesh,
+        source: &'a Mesh,
         layers: &[Layer<'a>],
         target: &Mesh,
         map: &dyn PointMap,
@@ -86,11 +87,11 @@ impl<'a> LiveTransfer<'a> {
             let what = format!("a live transfer to {width} x {height} texels");
             return Err(Error::Memory { what, required, allowed: options.memory });
         }
-        let shapes = layers[0].texture_of(source);
-        let table = source_triangles(source, layers.iter().any(|l| l.face_texture.is_some()), |t| {
-            let image = layers[0].images.get(shapes[t] as usize).unwrap_or(&layers[0].images[0]);
-            [image.width, image.height]
-        })?;
+        let (mut lookups, _) = lookups(source, layers)?;
+        let (Some(lookup), true) = (lookups.pop(), lookups.is_empty()) else {
+            let what = "the pictures of the layers lie on the source in different ways";
+            return Err(Error::input(what, "Make a live transfer for each of them"));
+        };
         let (w, h) = (options.width, options.height);
         let atlas = Atlas::new(target, w, h, options.region, options.material, plan.most_triangles)?;
         let mut texels = vec![AtlasTexel::EMPTY; width * height];
@@ -102,13 +103,13 @@ impl<'a> LiveTransfer<'a> {
         let (starts, members) = by_triangle(&texels, target.triangle_count());
         let mut live = Self {
             options: options.clone(),
-            source: table,
+            source: lookup.table,
             target: target_triangles(target, source, w, h)?,
             images: vec![PackedImage::NOWHERE; texels.len()],
             texels,
             starts,
             members,
-            outputs: layers.iter().map(|l| Output::new(l, source, options, None)).collect::<Result<_>>()?,
+            outputs: layers.iter().map(|l| Output::new(l, source, 0, options, None)).collect::<Result<_>>()?,
             covers: vec![coverage::NOTHING; width * height],
             padding: Vec::new(),
         };

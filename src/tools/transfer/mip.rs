@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::color::Sample;
 use crate::error::Result;
+use crate::geometry::Wrap;
 use crate::raster::{Depth, Image, Pixels};
 
 /// What the last of 2 or 4 channels means.
@@ -67,8 +68,8 @@ pub struct MipChain<'a> {
     pub encoding: Encoding,
     /// Levels 1, 2, ...
     pub levels: Vec<Level>,
-    /// Whether the picture repeats beyond its borders; else its border texels do.
-    pub repeats: bool,
+    /// What it shows beyond its borders, along u and along v.
+    pub wrap: [Wrap; 2],
 }
 
 impl<'a> MipChain<'a> {
@@ -92,7 +93,7 @@ impl<'a> MipChain<'a> {
             (Pixels::F32(v), 3) => levels::<f32, 3>(v, image, encoding),
             (Pixels::F32(v), _) => levels::<f32, 4>(v, image, encoding),
         };
-        Ok(Self { image, encoding, levels, repeats: true })
+        Ok(Self { image, encoding, levels, wrap: [Wrap::Repeat; 2] })
     }
 
     /// Number of levels, the picture included.

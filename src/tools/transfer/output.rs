@@ -11,10 +11,11 @@ use super::footprint::Footprint;
 use super::gpu::{DeviceTexture, Sampler};
 use super::kind::LayerKind;
 use super::layer::{Layer, blank, store};
-use super::mip::MipChain;
+use super::mip::{Encoding, MipChain};
 use super::nearest::nearest_texels;
 use super::rebase::{Rebase, Samples, renormalise};
 use super::sample::{SampleParams, sample_texture};
+use super::vertex_colors::VertexColors;
 use crate::error::Result;
 use crate::geometry::{Mesh, NONE};
 use crate::raster::{Depth, Image};
@@ -22,8 +23,9 @@ use crate::raster::{Depth, Image};
 /// Buffers of a band, kept to be reused.
 #[derive(Default)]
 pub(super) struct Scratch {
-    pub(super) footprints: Vec<Footprint>,
-    pub(super) fine_footprints: Vec<Footprint>,
+    /// By the tables of the source.
+    pub(super) footprints: Vec<Vec<Footprint>>,
+    pub(super) fine_footprints: Vec<Vec<Footprint>>,
     pub(super) colors: Vec<f32>,
     pub(super) fine_colors: Vec<f32>,
 }
@@ -31,6 +33,11 @@ pub(super) struct Scratch {
 /// A layer and its result.
 pub(super) struct Output<'a> {
     pub(super) chains: Vec<MipChain<'a>>,
+    /// What it has in place of pictures.
+    vertices: Option<VertexColors<'a>>,
+    pub(super) encoding: Encoding,
+    /// Number of its table of the source.
+    pub(super) lookup: usize,
     /// The chains on a device, if sampling works there.
     pub(super) device: Vec<DeviceTexture>,
     pub(super) texture_of: Vec<u32>,
@@ -45,15 +52,18 @@ pub(super) struct Output<'a> {
 impl<'a> Output<'a> {
     pub(super) fn new(
         layer: &Layer<'a>,
-        source: &Mesh,
+        source: &'a Mesh,
+        lookup: usize,
         options: &TransferOptions,
         rebase: Option<&'a Rebase<'a>>,
     ) -> Result<Self> {
         let (channels, depth) = layer.output_format(options.background);
-        let mut chains = layer.images.iter().map(|i| layer.chain(i)).collect::<Result<Vec<_>>>()?;
-        chains.iter_mut().for_each(|c| c.repeats = layer.face_texture.is_none());
+        let encoding = layer.reading();
         Ok(Self {
-            chains,
+            chains: (0..layer.images.len()).map(|k| layer.chain(k)).collect::<Result<Vec<_>>>()?,
+            vertices: layer.vertices.map(|colors| VertexColors::new(source, colors, encoding)),
+            encoding,
+            lookup,
             holes: Holes::default(),
             device: Vec::new(),
             texture_of: layer.texture_of(source),
@@ -83,6 +93,9 @@ impl<'a> Output<'a> {
         let channels = self.image.channels;
         colors.clear();
         colors.resize(footprints.len() * channels as usize, 0.0);
+        if let Some(vertices) = &self.vertices {
+            vertices.sample(channels as usize, footprints, colors);
+        }
         for (texture, chain) in self.chains.iter().enumerate() {
             if self.kind == LayerKind::Labels {
                 let texture = texture as u32;
@@ -108,25 +121,29 @@ impl<'a> Output<'a> {
         options: &TransferOptions,
         mut sampler: Option<&mut Sampler<'_>>,
     ) -> Result<()> {
-        self.colors(&scratch.footprints, options, &mut scratch.colors, sampler.as_deref_mut())?;
-        self.rebase(coarse, rows, &scratch.footprints, &mut scratch.colors);
+        let footprints = &scratch.footprints[self.lookup];
+        self.colors(footprints, options, &mut scratch.colors, sampler.as_deref_mut())?;
+        self.rebase(coarse, rows, footprints, &mut scratch.colors);
         if let Some(fine) = fine.filter(|_| self.kind != LayerKind::Labels) {
             let k = options.supersample as usize;
-            self.colors(&scratch.fine_footprints, options, &mut scratch.fine_colors, sampler)?;
+            let fine_footprints = &scratch.fine_footprints[self.lookup];
+            self.colors(fine_footprints, options, &mut scratch.fine_colors, sampler)?;
             let fine_rows = rows.start * k..rows.end * k;
-            self.rebase(fine, &fine_rows, &scratch.fine_footprints, &mut scratch.fine_colors);
+            self.rebase(fine, &fine_rows, fine_footprints, &mut scratch.fine_colors);
             self.average(rows, coarse, fine, scratch, k);
             renormalise(self.kind, self.image.depth(), self.image.channels as usize, &mut scratch.colors);
         }
         let first = rows.start * coarse.width;
-        let palette = Palette { chains: &self.chains, texture_of: &self.texture_of, kind: self.kind };
-        palette.write(&mut self.image, first, &scratch.footprints, &scratch.colors, fine.is_none());
+        let palette =
+            Palette { chains: &self.chains, texture_of: &self.texture_of, kind: self.kind, encoding: self.encoding };
+        let footprints = &scratch.footprints[self.lookup];
+        palette.write(&mut self.image, first, footprints, &scratch.colors, fine.is_none());
         Ok(())
     }
 
     /// Where its colours come from.
     pub(super) fn palette(&self) -> Palette<'_> {
-        Palette { chains: &self.chains, texture_of: &self.texture_of, kind: self.kind }
+        Palette { chains: &self.chains, texture_of: &self.texture_of, kind: self.kind, encoding: self.encoding }
     }
 
     /// Expresses normals and heights on the target.
@@ -156,6 +173,7 @@ impl<'a> Output<'a> {
         let texels = coarse.texels(rows);
         let fine_texels = fine.texels(&(rows.start * k..rows.end * k));
         let Scratch { colors, fine_colors, fine_footprints, .. } = scratch;
+        let fine_footprints = &fine_footprints[self.lookup];
         let shown = |f: &Footprint| f.face != NONE && self.texture_of[f.face as usize] != NONE;
         colors.par_chunks_mut(width * channels).enumerate().for_each(|(y, row)| {
             for (x, color) in row.chunks_exact_mut(channels).enumerate() {
@@ -191,12 +209,13 @@ pub(super) struct Palette<'a> {
     chains: &'a [MipChain<'a>],
     texture_of: &'a [u32],
     kind: LayerKind,
+    encoding: Encoding,
 }
 
 impl Palette<'_> {
     /// Writes colours into a picture of the result's format from texel `first` on; texels of the source at their own size come over `exact`ly, if so asked.
     pub(super) fn write(&self, image: &mut Image, first: usize, footprints: &[Footprint], colors: &[f32], exact: bool) {
-        store(image, first, self.chains[0].encoding, self.texture_of, footprints, colors);
+        store(image, first, self.encoding, self.texture_of, footprints, colors);
         // What is expressed on the target is not the source's texel.
         if exact && matches!(self.kind, LayerKind::Color | LayerKind::Labels) {
             for (texture, chain) in self.chains.iter().enumerate() {

@@ -14,6 +14,8 @@ const BAND_TEXEL: u64 = 128;
 pub(super) const BIN_ENTRY: u64 = 64;
 /// Bytes per triangle corner while charts are found.
 const CHART_CORNER: u64 = 96;
+/// Bytes per triangle of a copy of the source with other texture coordinates.
+const PLACED: u64 = 256;
 /// Texels of a band beyond which nothing is gained.
 const LARGEST_BAND: u64 = 1 << 20;
 
@@ -41,6 +43,9 @@ pub(super) fn fixed(source: &Mesh, layers: &[Layer<'_>], target: &Mesh, options:
         bytes += layer.images.iter().map(|i| MipChain::bytes(i.width, i.height, i.channels)).sum::<u64>();
     }
     let grids = if options.supersample > 1 { 2 } else { 1 };
+    // Tables of layers that lie differently on the source, with texture coordinates of their own.
+    let placed = layers.iter().filter(|l| l.vertices.is_some() || !l.placements.is_empty()).count() as u64;
+    bytes += placed * s * (size_of::<SourceTriangle>() as u64 + PLACED);
     bytes += s * size_of::<SourceTriangle>() as u64 + grids * t * size_of::<TargetTriangle>() as u64;
     // Triangles in the texture, once each; repeats come out of what is left.
     bytes += grids * t * Atlas::RECORD as u64;

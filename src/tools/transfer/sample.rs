@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::color::Sample;
 use super::footprint::Footprint;
 use super::mip::{Encoding, Level, MipChain};
-use crate::geometry::NONE;
+use crate::geometry::{NONE, Wrap};
 use crate::raster::Pixels;
 
 /// Footprints up to this much wider than a texel, or than a whole number of narrow sides, count as no wider, so that rounding
@@ -88,7 +88,7 @@ fn run<T: Sample, const C: usize>(
         base,
         size: [chain.image.width, chain.image.height],
         levels: &chain.levels,
-        repeats: chain.repeats,
+        wrap: chain.wrap,
         encoding: chain.encoding,
     };
     footprints.par_chunks(TASK).zip(colors.par_chunks_mut(TASK * stride)).for_each(|(footprints, colors)| {
@@ -151,11 +151,9 @@ struct Taps {
 
 impl Taps {
     #[inline]
-    fn new(f: &Footprint, size: [u32; 2], repeats: bool, params: &SampleParams) -> Self {
+    fn new(f: &Footprint, size: [u32; 2], wrap: [Wrap; 2], params: &SampleParams) -> Self {
         let s = size.map(|n| n as f32);
-        // Far repeats would lose the fraction of a texel, and in the end leave the range of integers.
-        let within = |x: f32| if repeats { x - floor(x) as f32 } else { x.clamp(0.0, 1.0) };
-        let centre = [0, 1].map(|a| within(f.centre[a]) * s[a]);
+        let centre = [0, 1].map(|a| near_picture(f.centre[a], wrap[a]) * s[a]);
         let one = |level: f32| Self { centre, level, count: [1; 2], sides: [[0.0; 2]; 2] };
         if params.filter == Filter::Bilinear {
             return one(0.0);
@@ -203,13 +201,13 @@ struct Texture<'a, T, const C: usize> {
     base: &'a [T],
     size: [u32; 2],
     levels: &'a [Level],
-    repeats: bool,
+    wrap: [Wrap; 2],
     encoding: Encoding,
 }
 
 impl<T: Sample, const C: usize> Texture<'_, T, C> {
     fn sample(&self, f: &Footprint, params: &SampleParams) -> [f32; C] {
-        let taps = Taps::new(f, self.size, self.repeats, params);
+        let taps = Taps::new(f, self.size, self.wrap, params);
         let level = taps.level.min(self.levels.len() as f32);
         let lower = floor(level).max(0) as usize;
         let fraction = level - lower as f32;
@@ -239,11 +237,11 @@ impl<T: Sample, const C: usize> Texture<'_, T, C> {
     #[inline(always)]
     fn bilinear(&self, level: usize, p: [f32; 2]) -> [f32; C] {
         if level == 0 {
-            bilinear(self.size, self.repeats, p, |t| self.encoding.decode::<T, C>(&self.base[t * C..t * C + C]))
+            bilinear(self.size, self.wrap, p, |t| self.encoding.decode::<T, C>(&self.base[t * C..t * C + C]))
         } else {
             let l = &self.levels[level - 1];
             let q = [0, 1].map(|a| p[a] * ([l.width, l.height][a] as f32 / self.size[a] as f32));
-            bilinear([l.width, l.height], self.repeats, q, |t| {
+            bilinear([l.width, l.height], self.wrap, q, |t| {
                 let mut texel = [0.0; C];
                 texel.copy_from_slice(&l.texels[t * C..t * C + C]);
                 texel
@@ -259,25 +257,40 @@ fn floor(x: f32) -> i32 {
     toward_zero.saturating_sub(i32::from(toward_zero as f32 > x))
 }
 
-/// The texel that stands for one beyond the picture: `index` modulo `n` if the picture repeats, else the one at its border.
+/// Farther from a picture than this, in its sides, its border is all that a footprint sees.
+const FAR: f32 = 1000.0;
+
+/// A coordinate that shows the same texels, brought near the picture: far off, the fraction of a texel would be lost, and in
+/// the end the range of integers left.
 #[inline]
-fn wrap(index: i32, n: u32, repeats: bool) -> usize {
-    match index {
-        _ if (0..n as i32).contains(&index) => index as usize,
-        _ if repeats => index.rem_euclid(n as i32) as usize,
-        _ => index.clamp(0, n as i32 - 1) as usize,
+fn near_picture(x: f32, wrap: Wrap) -> f32 {
+    match wrap {
+        Wrap::Repeat => x - floor(x) as f32,
+        Wrap::Mirror => x - 2.0 * floor(0.5 * x) as f32,
+        Wrap::Clamp => x.clamp(-FAR, FAR),
     }
 }
 
+/// The texel that stands for one beyond the picture.
+#[inline]
+fn wrapped(index: i32, n: u32, wrap: Wrap) -> usize {
+    if (0..n as i32).contains(&index) { index as usize } else { wrap.texel(i64::from(index), n) as usize }
+}
+
 #[inline(always)]
-fn bilinear<const C: usize>(size: [u32; 2], repeats: bool, p: [f32; 2], texel: impl Fn(usize) -> [f32; C]) -> [f32; C] {
+fn bilinear<const C: usize>(
+    size: [u32; 2],
+    wrap: [Wrap; 2],
+    p: [f32; 2],
+    texel: impl Fn(usize) -> [f32; C],
+) -> [f32; C] {
     let x = p[0] - 0.5;
     let y = p[1] - 0.5;
     let (fx, fy) = (floor(x), floor(y));
     let (wx, wy) = (x - fx as f32, y - fy as f32);
-    let (x0, x1) = (wrap(fx, size[0], repeats), wrap(fx.saturating_add(1), size[0], repeats));
+    let (x0, x1) = (wrapped(fx, size[0], wrap[0]), wrapped(fx.saturating_add(1), size[0], wrap[0]));
     let w = size[0] as usize;
-    let (y0, y1) = (wrap(fy, size[1], repeats) * w, wrap(fy.saturating_add(1), size[1], repeats) * w);
+    let (y0, y1) = (wrapped(fy, size[1], wrap[1]) * w, wrapped(fy.saturating_add(1), size[1], wrap[1]) * w);
     let (t00, t01, t10, t11) = (texel(y0 + x0), texel(y0 + x1), texel(y1 + x0), texel(y1 + x1));
     let mut out = [0.0; C];
     for c in 0..C {

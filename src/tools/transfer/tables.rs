@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3};
 use super::charts::charts;
 use super::tiles::UvTile;
 use crate::error::{Error, Result};
-use crate::geometry::{Mesh, NONE};
+use crate::geometry::{Mesh, NONE, Wrap};
 
 /// A triangle of the source. Positions are centred and scaled; texture coordinates are (u, 1 - v), shifted by whole
 /// repeats (by the same for a whole chart), so that rows count down.
@@ -66,17 +66,39 @@ fn check_positions(mesh: &Mesh) -> Result<()> {
     Ok(())
 }
 
-/// The table of the source; `size` gives width and height of the picture of a triangle. With `tiled`, charts end at the borders of unit squares
+/// What a triangle of the source shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shown {
+    /// Width and height of its picture.
+    pub size: [u32; 2],
+    /// What the picture shows beyond its borders.
+    pub wrap: [Wrap; 2],
+    /// Whether the picture has one colour, so that no texture coordinates are needed.
+    pub plain: bool,
+}
+
+/// The table of the source; `shown` tells what each triangle shows. With `tiled`, charts end at the borders of unit squares
 /// and are shifted by the corners of theirs ([`UvTile`]), so that a picture's own coordinates lie in 0..1.
 ///
 /// # Errors
 /// If a position, or a texture coordinate of a textured triangle, is not finite, or a texture coordinate is beyond 1e6.
-pub fn source_triangles(mesh: &Mesh, tiled: bool, size: impl Fn(usize) -> [u32; 2]) -> Result<Vec<SourceTriangle>> {
+pub fn source_triangles(mesh: &Mesh, tiled: bool, shown: impl Fn(usize) -> Shown) -> Result<Vec<SourceTriangle>> {
     check_positions(mesh)?;
     let (centre, scale) = frame(mesh);
     let mut chart = charts(mesh);
     if tiled {
         cut_at_tiles(mesh, &mut chart);
+    }
+    let mut period = vec![[1.0_f64; 2]; chart.iter().filter(|&&c| c != NONE).max().map_or(0, |&c| c as usize + 1)];
+    for (t, &c) in chart.iter().enumerate().filter(|(_, c)| **c != NONE) {
+        for (period, wrap) in period[c as usize].iter_mut().zip(shown(t).wrap) {
+            *period = match wrap {
+                Wrap::Repeat => *period,
+                Wrap::Mirror => period.max(2.0),
+                // Nothing comes again.
+                Wrap::Clamp => f64::INFINITY,
+            };
+        }
     }
     let mut low = vec![DVec2::INFINITY; chart.iter().filter(|&&c| c != NONE).max().map_or(0, |&c| c as usize + 1)];
     let texcoords = |t: usize| mesh.triangle_texcoords(t).map(|uv| uv.map(|p| DVec2::new(p.x, 1.0 - p.y)));
@@ -91,6 +113,7 @@ pub fn source_triangles(mesh: &Mesh, tiled: bool, size: impl Fn(usize) -> [u32; 
         }
         low[c as usize] = uv.iter().fold(low[c as usize], |l, &p| l.min(p));
     }
+    let plain_chart = low.len() as u32;
     let triangle = |t: usize| {
         let p = mesh.triangle_positions(t).map(|p| (p - centre) * scale);
         let single = |v: DVec3| [v.x as f32, v.y as f32, v.z as f32];
@@ -100,14 +123,21 @@ pub fn source_triangles(mesh: &Mesh, tiled: bool, size: impl Fn(usize) -> [u32; 
             gradient: [[0.0; 3]; 2],
             density: 0.0,
             chart: chart[t],
-            stretch: (f64::from(size(t)[0]) / f64::from(size(t)[1])).sqrt() as f32,
+            stretch: (f64::from(shown(t).size[0]) / f64::from(shown(t).size[1])).sqrt() as f32,
         };
-        let Some(uv) = texcoords(t) else { return out };
+        let Some(uv) = texcoords(t) else {
+            if shown(t).plain {
+                out.chart = plain_chart;
+            }
+            return out;
+        };
         let shift = if tiled {
             let tile = UvTile::of(&uv.map(|p| DVec2::new(p.x, 1.0 - p.y)));
             DVec2::new(f64::from(tile.u), -f64::from(tile.v))
         } else {
-            low[chart[t] as usize].floor()
+            let (low, [u, v]) = (low[chart[t] as usize], period[chart[t] as usize]);
+            let whole = |x: f64, period: f64| if period.is_finite() { (x / period).floor() * period } else { 0.0 };
+            DVec2::new(whole(low.x, u), whole(low.y, v))
         };
         out.texcoord = uv.map(|q| [(q.x - shift.x) as f32, (q.y - shift.y) as f32]);
         let (e, f) = (p[1] - p[0], p[2] - p[0]);
@@ -124,6 +154,28 @@ pub fn source_triangles(mesh: &Mesh, tiled: bool, size: impl Fn(usize) -> [u32; 
             out.density = density as f32;
         }
         out
+    };
+    Ok((0..mesh.triangle_count()).map(triangle).collect())
+}
+
+/// The table of a source whose vertices have the colours: texture coordinates are the barycentric coordinates of the second
+/// and third corner.
+///
+/// # Errors
+/// If a position is not finite.
+pub(super) fn vertex_triangles(mesh: &Mesh) -> Result<Vec<SourceTriangle>> {
+    check_positions(mesh)?;
+    let (centre, scale) = frame(mesh);
+    let triangle = |t: usize| SourceTriangle {
+        position: mesh.triangle_positions(t).map(|p| {
+            let p = (p - centre) * scale;
+            [p.x as f32, p.y as f32, p.z as f32]
+        }),
+        texcoord: [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]],
+        gradient: [[0.0; 3]; 2],
+        density: 0.0,
+        chart: 0,
+        stretch: 1.0,
     };
     Ok((0..mesh.triangle_count()).map(triangle).collect())
 }

@@ -25,18 +25,22 @@ pub(super) struct Tally {
 }
 
 impl Tally {
-    /// Counts a band and writes its coverage.
+    /// Counts a band and writes its coverage; `shown` holds the footprints of each layer and the picture of each triangle.
     pub(super) fn add(
         &mut self,
         rows: &std::ops::Range<usize>,
         window: &Window<'_>,
-        footprints: &[Footprint],
-        texture_of: &[&[u32]],
+        shown: &[(&[Footprint], &[u32])],
         covers: &mut [u8],
     ) {
         let width = window.width;
         let (texels, images) = (window.texels(rows), window.images(rows));
-        let textured = |f: &Footprint| f.face != NONE && texture_of.iter().any(|of| of[f.face as usize] != NONE);
+        let textured = |i: usize| {
+            shown.iter().any(|(footprints, texture_of)| {
+                let face = footprints[i].face;
+                face != NONE && texture_of[face as usize] != NONE
+            })
+        };
         let count_row = |(y, covers): (usize, &mut [u8])| {
             let mut sum = Self::default();
             for (x, cover) in covers.iter_mut().enumerate() {
@@ -52,7 +56,7 @@ impl Tally {
                 let area =
                     if texel.is_centre() { f64::from(window.target[texel.face as usize].texel_area) } else { 0.0 };
                 sum.area += area;
-                if !textured(&footprints[i]) {
+                if !textured(i) {
                     *cover = HOLE;
                     continue;
                 }

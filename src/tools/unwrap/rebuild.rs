@@ -99,11 +99,10 @@ impl Input {
 /// `mesh` with the texture coordinates of `atlas`, and how many of its polygons had to be cut into triangles. The triangles keep their order.
 pub(super) fn with_texcoords(mesh: &Mesh, atlas: &Atlas) -> (Mesh, usize) {
     let output = &atlas.meshes[0];
-    let mut builder = MeshBuilder::new(mesh.name.clone());
+    let mut builder = MeshBuilder::like(mesh);
     builder.mesh.positions.clone_from(&mesh.positions);
     builder.mesh.normals.clone_from(&mesh.normals);
-    builder.mesh.materials.clone_from(&mesh.materials);
-    builder.mesh.groups.clone_from(&mesh.groups);
+    builder.mesh.colors.clone_from(&mesh.colors);
     // The page is cut off above what is used; the texture is square. Rounded, so that files in single precision hold the same.
     let cropped = f64::from(atlas.height) / f64::from(atlas.width);
     let place = |uv: [f32; 2]| DVec2::new(f64::from(uv[0]), f64::from((f64::from(uv[1]) * cropped) as f32));
@@ -111,8 +110,7 @@ pub(super) fn with_texcoords(mesh: &Mesh, atlas: &Atlas) -> (Mesh, usize) {
     let mut cut = 0;
     let mut t = 0;
     for p in 0..mesh.polygon_count() {
-        builder.material = mesh.polygon_material(p);
-        builder.group = mesh.polygon_group(p);
+        builder.follow(mesh, p);
         let corners: Vec<Corner> = mesh.file_polygon(p).collect();
         let count = corners.len().saturating_sub(2);
         let mut texcoords = vec![NONE; corners.len()];

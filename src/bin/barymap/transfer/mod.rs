@@ -1,13 +1,16 @@
 //! `barymap transfer`: the textures of one mesh on another.
 
+mod appearance;
 mod model;
 mod pictures;
 mod textures;
 
 use std::path::{Path, PathBuf};
 
+use barymap::geometry::Topology;
 use barymap::io::TextureName;
 use barymap::surface::{AnchorPairs, IdentityMap, PointMap};
+use barymap::tools::point_cloud::{is_cloud, triangles_of_points};
 use barymap::tools::transfer::{
     Encoding, Fill, Filter, Layer, TransferOptions, TransferOutput, TransferStats, transfer_on,
 };
@@ -30,8 +33,9 @@ pub(crate) struct Arguments {
     #[arg(long)]
     source: PathBuf,
     /// A texture of the source: FILE, or for one of its materials MATERIAL=FILE, or in a role (base_color, roughness, normal ...)
-    /// ROLE=FILE or ROLE:MATERIAL=FILE. FILE may be one file a tile: skin.<UDIM>.png. Repeat for several layers. Without it the
-    /// textures named by the source's materials are taken
+    /// ROLE=FILE or ROLE:MATERIAL=FILE. FILE may be one file a tile: skin.<UDIM>.png, or vertex-colors for the colours of the
+    /// source's vertices. Repeat for several layers. Without it the textures and colours of the source's materials are
+    /// taken, or its vertex colours where no picture is named
     #[arg(long)]
     texture: Vec<String>,
     /// The mesh that receives it, with texture coordinates or with --unwrap
@@ -173,29 +177,60 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     // Places to fill in are checked once it is known with what.
     check_outputs(early.map(Path::new).filter(|p| !p.to_string_lossy().contains(['<', '%'])))?;
     let mut session = Session::start(common)?;
-    let (mut source, mut target) = (session.mesh(&arguments.source)?, session.mesh(&arguments.target)?);
+    let (mut source, cloud) = source(&mut session, &arguments.source)?;
+    let mut target = session.mesh(&arguments.target)?;
+    let method = if cloud { arguments.method.for_points() } else { arguments.method };
+    if cloud {
+        session.warn(&format!(
+            "{} has points and no faces: the target's texels take the colours of the nearest points, by {}",
+            source.mesh.name,
+            method.name()
+        ));
+    }
     let all_roles = arguments.output.is_empty() || arguments.output.iter().any(|o| TextureName::new(o).has_role());
     let mut layers = textures(&arguments.texture, all_roles, &source, &session)?;
     let outputs = layer_names(&arguments.output, &layers)?;
     arguments.kinds.set(&mut layers)?;
     session.watch.lap("read");
     let anchors = anchor_pairs(&arguments.anchors, &source, &target, &session)?;
-    require_texcoords(&source)?;
+    if layers.iter().any(Textures::needs_texcoords) {
+        require_texcoords(&source)?;
+    }
     let charts = target_charts(&mut session, &mut target, &arguments.charts, &arguments.look, &outputs)?;
     let job = Job {
         layers: &layers,
         anchors: &anchors,
-        method: arguments.method,
+        method,
         embedding: &arguments.embedding,
         look: &arguments.look,
         outputs: &outputs,
     };
     let (result, _, mut report) = job.run(&mut session, "transfer", &mut source, &mut target)?;
+    if cloud {
+        // Points have no orientation, and no surface that could be stretched.
+        for key in ["flipped_area", "flipped_faces", "stretch_all", "stretch_best95"] {
+            report[key] = serde_json::Value::Null;
+        }
+    }
     add(&mut report, &charts);
     session.write_report(&report)?;
     let first = arguments.output.first().map(PathBuf::from).or_else(|| arguments.look.model.clone());
     summary(&session, &first.unwrap_or_default(), &result, &report);
     Ok(())
+}
+
+/// The source; triangles among the nearest of its points where the file has coloured points and no faces.
+fn source(session: &mut Session<'_>, path: &Path) -> Result<(Surface, bool)> {
+    let error = match session.mesh(path) {
+        Ok(surface) => return Ok((surface, false)),
+        Err(error) => error,
+    };
+    let points = barymap::io::read_points(path).ok().filter(|p| is_cloud(&p.mesh) && !p.mesh.colors.is_empty());
+    let Some(points) = points else { return Err(error) };
+    points.warnings.iter().for_each(|warning| session.warn(&format!("{}: {warning}", path.display())));
+    let mesh = triangles_of_points(&points.mesh)?;
+    let topology = Topology::new(&mesh);
+    Ok((Surface { mesh, topology, embedding: None }, true))
 }
 
 pub(crate) fn require_texcoords(surface: &Surface) -> Result<()> {
@@ -368,7 +403,9 @@ impl Job<'_> {
             images: textures.images.iter().collect(),
             material_texture: textures.material_texture.clone(),
             default_texture: textures.default_texture,
+            placements: textures.placements.clone(),
             face_texture: textures.face_texture.clone(),
+            vertices: textures.vertices.as_deref(),
             kind: textures.kind,
             encoding: Encoding { linear_light: self.look.linear_light, ..Encoding::default() },
         }
@@ -391,6 +428,9 @@ impl Job<'_> {
                 session.warn(&format!("{n} triangles of the target are {what}: no texel shows them"));
             }
         }
+        if self.look.stmap.is_some() && !self.layers.iter().any(Textures::needs_texcoords) {
+            session.warn("the ST-map is empty: no picture of the source is transferred");
+        }
         if self.layers.iter().map(|l| l.images.len()).max() > Some(1)
             && self.look.stmap.is_some()
             && self.layers.iter().all(|l| l.face_texture.is_none())
@@ -408,15 +448,20 @@ impl Job<'_> {
 /// What the user is told at the end.
 pub(crate) fn summary(session: &Session<'_>, output: &Path, result: &TransferOutput, report: &serde_json::Value) {
     let s = &result.stats;
+    let distortion = match (report["flipped_area"].as_f64(), report["stretch_best95"].as_f64()) {
+        (Some(flipped), Some(stretch)) => {
+            format!("{:.2} % of the target flipped, stretch efficiency (best 95 %) {stretch:.3}, ", 100.0 * flipped)
+        }
+        _ => String::new(),
+    };
     session.say(&format!(
-        "{}: {} x {}, {} texels covered, {:.1} % of the covered area valid, {:.2} % of the target flipped, stretch efficiency (best 95 %) {:.3}, by {}",
+        "{}: {} x {}, {} texels covered, {:.1} % of the covered area valid, {}by {}",
         output.display(),
         result.coverage.width,
         result.coverage.height,
         s.covered,
         100.0 * s.valid_fraction,
-        100.0 * report["flipped_area"].as_f64().unwrap_or(0.0),
-        report["stretch_best95"].as_f64().unwrap_or(0.0),
+        distortion,
         session.engine.description(),
     ));
     if s.overlapping > 0 {

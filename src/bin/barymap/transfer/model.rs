@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use barymap::Result;
 use barymap::geometry::material::{AlphaMode, BASE_COLOR, Look};
-use barymap::geometry::{Mesh, NONE};
+use barymap::geometry::{Material, Mesh, NONE};
 use barymap::io::GlbMaterial;
 use barymap::io::gltf_write::glb_with_materials;
 use barymap::io::image_file::encode_png;
@@ -32,15 +32,39 @@ impl SourceLook {
         let mut textured = source.materials.iter().enumerate().filter(|(m, _)| used(*m)).map(|(_, m)| m);
         let neutral = Self { base_color: [1.0; 4], look: Look { alpha: opacity(layers), ..Look::default() } };
         let Some(first) = textured.next().filter(|_| gltf) else { return neutral };
-        if let Some(other) = textured.find(|m| m.base_color != first.base_color || m.look != first.look) {
+        let factors = |m: &Material| left_factors(m, layers);
+        if let Some(other) = textured.find(|m| factors(m) != factors(first)) {
             session.warn(&format!(
                 "the materials {:?} and {:?} of the source have different factors; the model gets neutral ones",
                 first.name, other.name
             ));
             return neutral;
         }
-        Self { base_color: first.base_color, look: first.look }
+        let (base_color, look) = factors(first);
+        Self { base_color, look }
     }
+}
+
+/// The factors of a material that the pictures of the layers do not hold already.
+fn left_factors(material: &Material, layers: &[Textures]) -> ([f32; 4], Look) {
+    let held = |role: &str| layers.iter().any(|l| l.role == role && l.multiplied);
+    let (mut color, mut look) = (material.base_color, material.look);
+    if held(BASE_COLOR) {
+        color = [1.0; 4];
+    }
+    if held("metallic_roughness") {
+        (look.metallic, look.roughness) = (1.0, 1.0);
+    }
+    if held("normal") {
+        look.normal_scale = 1.0;
+    }
+    if held("occlusion") {
+        look.occlusion_strength = 1.0;
+    }
+    if held("emissive") {
+        look.emissive = [1.0; 3];
+    }
+    (color, look)
 }
 
 /// Blending, if a base colour texture is transparent somewhere.

@@ -1,16 +1,20 @@
 //! Which textures of the source are transferred: `--texture`, or those that its materials name.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use barymap::geometry::material::{BASE_COLOR, ROLES, TextureContent};
+use barymap::geometry::material::{BASE_COLOR, Placement, ROLES, TextureContent};
 use barymap::geometry::{Mesh, NONE};
 use barymap::io::TextureName;
 use barymap::raster::Image;
-use barymap::tools::transfer::{LayerKind, TilesUsed, UvTile};
+use barymap::tools::transfer::{LayerKind, TilesUsed, UvTile, holds_normals};
 use barymap::{Error, Result};
 
+use super::appearance::{self, Appearance};
 use crate::common::{Session, Surface, usage};
+
+/// What `--texture` says for the colours of vertices, in both spellings.
+const VERTEX_COLORS: [&str; 2] = ["vertex-colors", "vertex-colours"];
 
 /// The pictures of one layer and how the source uses them.
 #[derive(Debug)]
@@ -18,6 +22,12 @@ pub(crate) struct Textures {
     /// What the layer is for: `base_color`, `roughness` ...
     pub(crate) role: String,
     pub(crate) images: Vec<Image>,
+    /// How each picture lies on the source.
+    pub(crate) placements: Vec<Placement>,
+    /// Whether the pictures are multiplied by their materials' factors already.
+    pub(crate) multiplied: bool,
+    /// Colours of the vertices, in place of pictures.
+    pub(crate) vertices: Option<Vec<[f32; 4]>>,
     pub(crate) material_texture: Vec<u32>,
     pub(crate) default_texture: u32,
     /// Picture of each triangle, where tiles decide it.
@@ -30,6 +40,9 @@ impl Textures {
         Self {
             role: role.to_owned(),
             images: Vec::new(),
+            placements: Vec::new(),
+            multiplied: false,
+            vertices: None,
             material_texture: vec![NONE; source.materials.len()],
             default_texture: NONE,
             face_texture: None,
@@ -42,11 +55,31 @@ impl Textures {
         Self {
             role: BASE_COLOR.to_owned(),
             images: vec![image],
+            placements: Vec::new(),
+            multiplied: false,
+            vertices: None,
             material_texture: Vec::new(),
             default_texture: 0,
             face_texture: None,
             kind: LayerKind::Color,
         }
+    }
+
+    /// The colours of the source's vertices.
+    fn of_vertices(role: &str, source: &Mesh) -> Result<Self> {
+        if source.colors.is_empty() {
+            let what = format!("{} has no vertex colours", source.name);
+            return Err(usage("--texture", &what, "Name a picture, or export the mesh with its colours"));
+        }
+        let default_texture = if source.materials.is_empty() { 0 } else { NONE };
+        let material_texture = vec![0; source.materials.len()];
+        let vertices = Some(source.colors.clone());
+        Ok(Self { vertices, default_texture, material_texture, ..Self::empty(role, source) })
+    }
+
+    /// Whether the source needs texture coordinates for it.
+    pub(crate) fn needs_texcoords(&self) -> bool {
+        self.images.iter().any(|i| (i.width, i.height) != (1, 1))
     }
 
     /// Picture of each triangle.
@@ -150,6 +183,13 @@ pub(crate) fn textures(
 }
 
 fn layer(role: &str, requests: &[Request], source: &Mesh, session: &Session<'_>) -> Result<Textures> {
+    if requests.iter().any(|r| VERTEX_COLORS.contains(&r.name.text())) {
+        if let [Request { material: None, .. }] = requests {
+            return Textures::of_vertices(role, source);
+        }
+        let what = "vertex colours are those of all materials";
+        return Err(usage("--texture", what, "Give vertex-colors alone for its role, without a material"));
+    }
     let mut reader = Reader::new(Textures::empty(role, source), source, Some(session));
     let named: BTreeSet<u32> = requests.iter().flat_map(|r| reader.materials(r.material.as_deref())).collect();
     for request in requests {
@@ -158,10 +198,13 @@ fn layer(role: &str, requests: &[Request], source: &Mesh, session: &Session<'_>)
         let wanted = |m: u32| if rest { !named.contains(&m) } else { materials.contains(&m) };
         reader.add(&request.name, wanted)?;
     }
+    if role == "height" && reader.layer.images.iter().any(holds_normals) {
+        session.warn("the height texture looks like a normal map; if it is one, give it as normal=FILE");
+    }
     reader.finish()
 }
 
-/// The base colour textures that the source's own materials name.
+/// What the source's own materials show as base colour; the colours of its vertices where they name no picture.
 pub(crate) fn own_textures(source: &Surface) -> Result<Textures> {
     let layers = materials_textures(&source.mesh, false, None)?;
     layers.into_iter().next().ok_or_else(|| none(&source.mesh))
@@ -172,27 +215,25 @@ fn none(source: &Mesh) -> Error {
 }
 
 fn materials_textures(source: &Mesh, all_roles: bool, session: Option<&Session<'_>>) -> Result<Vec<Textures>> {
-    let used: Vec<&str> = source.materials.iter().flat_map(|m| m.roles()).collect();
-    let roles = ROLES.into_iter().filter(|role| used.contains(role) && (all_roles || *role == BASE_COLOR));
+    let tell = |text: &str| session.iter().for_each(|s| s.warn(text));
+    let mut appearance = Appearance::new(source);
+    if all_roles {
+        appearance.recognise_normals(tell);
+    }
     let mut layers = Vec::new();
-    for role in roles {
+    let by_vertices = !source.colors.is_empty() && !appearance.has_pictures(BASE_COLOR);
+    if by_vertices {
+        tell(&format!("{} names no picture: its vertex colours are taken", source.name));
+        layers.push(Textures::of_vertices(BASE_COLOR, source)?);
+    } else if !source.colors.is_empty() {
+        tell(&format!("{} has vertex colours beside its pictures; --texture vertex-colors takes them", source.name));
+    }
+    let wanted = |role: &&str| if *role == BASE_COLOR { !by_vertices } else { all_roles };
+    let shown = |role: &&str| if *role == BASE_COLOR { appearance.shows(role) } else { appearance.has_pictures(role) };
+    for role in ROLES.into_iter().filter(|r| wanted(r) && shown(r)) {
         let mut reader = Reader::new(Textures::empty(role, source), source, session);
-        let mut add = || -> Result<()> {
-            for (m, material) in source.materials.iter().enumerate() {
-                match material.texture(role) {
-                    Some(TextureContent::Embedded(bytes)) => {
-                        let image = barymap::io::image_file::decode_image(&bytes, &source.name)?;
-                        reader.layer.material_texture[m] = reader.layer.images.len() as u32;
-                        reader.layer.images.push(image);
-                    }
-                    Some(TextureContent::File(path)) => {
-                        reader.add(&TextureName::new(path.to_string_lossy()), |k| k == m as u32)?;
-                    }
-                    None => {}
-                }
-            }
-            Ok(())
-        };
+        reader.layer.multiplied = true;
+        let mut add = || appearance.used().try_for_each(|m| reader.add_appearance(&appearance, m));
         match (add(), session) {
             (Ok(()), _) => layers.push(reader.finish()?),
             // The base colour is what is asked for; of the rest what can be read comes along.
@@ -208,12 +249,13 @@ struct Reader<'a> {
     layer: Textures,
     source: &'a Mesh,
     session: Option<&'a Session<'a>>,
-    known: HashMap<PathBuf, u32>,
+    /// Pictures of files, by how they lie.
+    known: Vec<(PathBuf, Placement, u32)>,
 }
 
 impl<'a> Reader<'a> {
     fn new(layer: Textures, source: &'a Mesh, session: Option<&'a Session<'a>>) -> Self {
-        Self { layer, source, session, known: HashMap::new() }
+        Self { layer, source, session, known: Vec::new() }
     }
 
     fn warn(&self, text: &str) {
@@ -228,14 +270,76 @@ impl<'a> Reader<'a> {
         all.filter(|(_, m)| Some(m.name.as_str()) == name).map(|(k, _)| k as u32).collect()
     }
 
-    fn picture(&mut self, path: PathBuf) -> Result<u32> {
-        if let Some(&known) = self.known.get(&path) {
-            return Ok(known);
+    /// Reads a picture that lies on the source in this way.
+    fn picture(&mut self, path: PathBuf, placement: Placement) -> Result<u32> {
+        if let Some((.., known)) = self.known.iter().find(|(p, placed, _)| *p == path && *placed == placement) {
+            return Ok(*known);
         }
-        let index = self.layer.images.len() as u32;
-        self.layer.images.push(barymap::io::read_image(&path)?);
-        self.known.insert(path, index);
+        let image = barymap::io::read_image(&path)?;
+        let index = self.push(image, placement);
+        self.known.push((path, placement, index));
         Ok(index)
+    }
+
+    fn push(&mut self, image: Image, placement: Placement) -> u32 {
+        self.layer.images.push(image);
+        self.layer.placements.push(placement);
+        self.layer.images.len() as u32 - 1
+    }
+
+    /// What material `m` shows in the layer's role: its picture times its factors, or its colour.
+    fn add_appearance(&mut self, appearance: &Appearance<'_>, m: usize) -> Result<()> {
+        let material = &self.source.materials[m];
+        let role = self.layer.role.clone();
+        let Some((content, placement)) = appearance.picture(m, &role) else {
+            if let Some(colour) = appearance.colour(m, &role)? {
+                let k = self.push(colour, Placement::default());
+                self.show(m as u32, k);
+            }
+            return Ok(());
+        };
+        if let Some(name) = appearance::tiles(&content) {
+            if placement != Placement::default() {
+                let name = name.text();
+                self.warn(&format!(
+                    "{name}: tiles lie on the texture coordinates as they are; other placements are passed over"
+                ));
+            }
+            return self.add(&name, |k| k == m as u32);
+        }
+        let known = match &content {
+            TextureContent::File(path) => self.known.iter().find(|(p, placed, _)| p == path && *placed == placement),
+            TextureContent::Embedded(_) => None,
+        };
+        let k = match known {
+            Some((.., k)) => *k,
+            None => {
+                let mut image = appearance::read(&content, self.source)?;
+                let multiplied = appearance::multiply(&mut image, &role, material)?;
+                let k = self.push(image, placement);
+                if let (TextureContent::File(path), false) = (content, multiplied) {
+                    self.known.push((path, placement, k));
+                }
+                k
+            }
+        };
+        self.show(m as u32, k);
+        Ok(())
+    }
+
+    /// Lets material `m` show picture `k`.
+    fn show(&mut self, m: u32, k: u32) {
+        self.layer.material_texture[m as usize] = k;
+        let source = self.source;
+        if let Some(faces) = &mut self.layer.face_texture {
+            let shown = faces.iter_mut().enumerate().filter(|(t, _)| source.triangle_material(*t) == m);
+            shown.for_each(|(_, f)| *f = k);
+        }
+    }
+
+    /// How the picture of material `m` lies in the layer's role, by its own texture in that role.
+    fn placement(&self, m: u32) -> Placement {
+        self.source.materials.get(m as usize).map_or_else(Placement::default, |m| m.placement(&self.layer.role))
     }
 
     /// Reads a picture, or the tiles of one, for the materials that `wanted` names ([`NONE`]: triangles without).
@@ -244,16 +348,22 @@ impl<'a> Reader<'a> {
         let shown = |t: usize| wanted(source.triangle_material(t));
         let used = TilesUsed::of(source, shown);
         if !name.has_tile() {
-            let picture = self.picture(PathBuf::from(name.text()))?;
-            for (m, texture) in self.layer.material_texture.iter_mut().enumerate().filter(|(m, _)| wanted(*m as u32)) {
-                debug_assert!(m < source.materials.len());
-                *texture = picture;
+            for m in (0..source.materials.len() as u32).filter(|&m| wanted(m)) {
+                let placement = self.placement(m);
+                let picture = self.picture(PathBuf::from(name.text()), placement)?;
+                self.show(m, picture);
+                if !placement.keeps_coordinates() {
+                    let material = &source.materials[m as usize].name;
+                    self.warn(&format!("{} lies as material {material:?} says of its own texture", name.text()));
+                }
             }
             if wanted(NONE) {
-                self.layer.default_texture = picture;
-            }
-            if let Some(faces) = &mut self.layer.face_texture {
-                faces.iter_mut().enumerate().filter(|(t, _)| shown(*t)).for_each(|(_, f)| *f = picture);
+                self.layer.default_texture = self.picture(PathBuf::from(name.text()), Placement::default())?;
+                let default = self.layer.default_texture;
+                if let Some(faces) = &mut self.layer.face_texture {
+                    let bare = faces.iter_mut().enumerate().filter(|(t, _)| source.triangle_material(*t) == NONE);
+                    bare.for_each(|(_, f)| *f = default);
+                }
             }
             if used.beyond_the_unit_square() {
                 self.warn(&format!(
@@ -269,7 +379,7 @@ impl<'a> Reader<'a> {
         for (&tile, &triangles) in &used.tiles {
             let path = name.file(Some(tile.corner()), &self.layer.role, "");
             if path.exists() {
-                pictures.insert(tile, self.picture(path)?);
+                pictures.insert(tile, self.picture(path, Placement::default())?);
             } else {
                 missing.push((tile, triangles, path));
             }
@@ -333,6 +443,17 @@ impl<'a> Reader<'a> {
             } else {
                 with.insert(material);
             }
+        }
+        if with.is_empty() {
+            let undefined = without.keys().find_map(|&m| self.source.materials.get(m as usize));
+            let what = match undefined {
+                Some(m) => format!(
+                    "{}: material {:?} and all others that faces show have no {}",
+                    self.source.name, m.name, self.layer.role
+                ),
+                None => format!("{}: its faces have no material, and so no {}", self.source.name, self.layer.role),
+            };
+            return Err(usage("--texture", &what, "Name a picture with --texture FILE, or mend the material library"));
         }
         without.retain(|m, _| !with.contains(m));
         if !without.is_empty() {

@@ -10,7 +10,7 @@ use crate::engine::{
     BindGroup, BindingKind, Buffer, Gpu, Kernel, Layout, Pipeline, Pyramid, ReadbackRing, Table, UniformBlocks, Word,
 };
 use crate::error::Result;
-use crate::geometry::NONE;
+use crate::geometry::{NONE, Wrap};
 use crate::kernel_layout as layout;
 use crate::raster::{Depth, Image, Pixels};
 use crate::tools::transfer::color::light_values;
@@ -30,6 +30,8 @@ pub struct TextureParams {
     taps: u32,
     opacity: u32,
     scale: f32,
+    wrap_u: u32,
+    wrap_v: u32,
 }
 
 /// A footprint as the kernel reads it: two vectors of four.
@@ -43,7 +45,7 @@ pub struct FootprintRecord {
 }
 
 const LAYOUTS: &[Layout] =
-    &[layout!(TextureParams, { width, height, levels, channels, filtering, taps, opacity, scale })];
+    &[layout!(TextureParams, { width, height, levels, channels, filtering, taps, opacity, scale, wrap_u, wrap_v })];
 
 /// Pictures of numbers.
 pub(super) static SAMPLE_TEXTURE: Kernel = variant(&[("WORDS", 0.0)]);
@@ -197,6 +199,8 @@ impl<'a> Sampler<'a> {
             taps: taps.clamp(1, 16),
             opacity: u32::from(has_alpha && chain.encoding.alpha == Alpha::Opacity),
             scale,
+            wrap_u: mode(chain.wrap[0]),
+            wrap_v: mode(chain.wrap[1]),
         };
         let base = self.base(image, channels, stored)?;
         let count = chain.levels.len().max(1) as u32;
@@ -261,7 +265,7 @@ impl<'a> Sampler<'a> {
             while next < footprints.len() && part.len() < MOST_TEXELS {
                 let f = &footprints[next];
                 if f.face != NONE && texture_of[f.face as usize] == params.texture {
-                    if plain(f, size) && (chain.repeats || inside(f, size)) {
+                    if plain(f, size) {
                         part.push(next as u32);
                         self.records.push(FootprintRecord { centre: f.centre, dx: f.dx, dy: f.dy, unused: [0.0; 2] });
                     } else {
@@ -297,12 +301,13 @@ impl<'a> Sampler<'a> {
     }
 }
 
-/// Whether no tap of a footprint comes near the picture's borders, beyond which the kernel repeats it.
-fn inside(f: &Footprint, size: [f32; 2]) -> bool {
-    let sum = |v: [f32; 2]| v[0].abs() * size[0] + v[1].abs() * size[1];
-    // Taps lie within the footprint; a texel of the upper one of two levels has at most twice its width.
-    let reach = 4.0 * (sum(f.dx) + sum(f.dy)) + 2.0;
-    (0..2).all(|a| f.centre[a] * size[a] >= reach && f.centre[a] * size[a] <= size[a] - reach)
+/// The kernel's number of a mode.
+fn mode(wrap: Wrap) -> u32 {
+    match wrap {
+        Wrap::Repeat => 0,
+        Wrap::Clamp => 1,
+        Wrap::Mirror => 2,
+    }
 }
 
 /// Whether the kernel takes a footprint on a picture of this size.
