@@ -6,7 +6,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::{Mesh, SurfacePoint, Topology};
+use super::{Frame, Mesh, SurfacePoint, Topology};
 
 /// Triangles in a leaf.
 const LEAF: usize = 4;
@@ -34,6 +34,8 @@ impl Node {
 /// Answers closest point queries on the usable triangles of a mesh.
 #[derive(Clone, Debug)]
 pub struct ClosestPoints {
+    /// All of the following is in its coordinates.
+    frame: Frame,
     nodes: Vec<Node>,
     faces: Vec<u32>,
     corners: Vec<[DVec3; 3]>,
@@ -48,8 +50,9 @@ impl ClosestPoints {
 
     /// The same for some of the usable triangles alone.
     pub fn of_faces(mesh: &Mesh, faces: impl IntoIterator<Item = u32>) -> Self {
+        let frame = Frame::of_mesh(mesh);
         let mut items: Vec<(u32, [DVec3; 3])> =
-            faces.into_iter().map(|t| (t, mesh.triangle_positions(t as usize))).collect();
+            faces.into_iter().map(|t| (t, mesh.triangle_positions(t as usize).map(|p| frame.local(p)))).collect();
         let mut nodes = Vec::new();
         if !items.is_empty() {
             let all = items.len();
@@ -57,13 +60,23 @@ impl ClosestPoints {
         }
         let tie = nodes.first().map_or(0.0, |n: &Node| TIE * n.low.abs().max(n.high.abs()).max_element());
         let (faces, corners) = items.into_iter().unzip();
-        Self { nodes, faces, corners, tie }
+        Self { frame, nodes, faces, corners, tie }
     }
 
     /// The point of the mesh closest to `p`, with its distance; `None` if `p` is not finite or there is no usable triangle.
     ///
     /// Where several triangles are equally close (up to rounding), the lowest one is named. About O(log F).
     pub fn nearest(&self, p: DVec3) -> Option<(SurfacePoint, f64)> {
+        self.nearest_local(self.frame.local(p)).map(|(q, d)| (q, d / self.frame.scale))
+    }
+
+    /// The frame of the mesh.
+    pub fn frame(&self) -> Frame {
+        self.frame
+    }
+
+    /// [`ClosestPoints::nearest`] in the coordinates of [`ClosestPoints::frame`], for points that are computed there.
+    pub fn nearest_local(&self, p: DVec3) -> Option<(SurfacePoint, f64)> {
         if self.nodes.is_empty() || !p.is_finite() {
             return None;
         }

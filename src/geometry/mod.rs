@@ -4,6 +4,7 @@ pub(crate) mod bending;
 pub(crate) mod cholesky;
 pub mod closest;
 pub mod diagnosis;
+pub mod frame;
 pub mod geodesics;
 pub(crate) mod isomorphism;
 pub mod laplacian;
@@ -23,6 +24,7 @@ pub mod weld;
 
 pub use closest::ClosestPoints;
 pub use diagnosis::Diagnosis;
+pub use frame::Frame;
 pub use geodesics::{Geodesics, March};
 pub use laplacian::{Laplacian, SparseRows};
 pub use material::Material;

@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use bevy_mikktspace::{Geometry, TangentSpace, generate_tangents};
 use glam::{DVec3, Vec3};
 
-use super::{Mesh, NONE};
+use super::{Frame, Mesh, NONE};
 
 /// Triangles around one point beyond which its frames are made triangle by triangle: the generator's recursion is as deep.
 const MOST_AROUND: u32 = 2000;
@@ -68,7 +68,8 @@ impl TangentFrames {
     /// # Panics
     /// If there are fewer normals than vertices.
     pub fn new(mesh: &Mesh, smooth: &[DVec3]) -> Self {
-        let scale = power_of_two_scale(mesh);
+        // Coordinates near 1 about the mesh itself: their squares stay in the range of single precision.
+        let frame = Frame::of_mesh(mesh);
         let mut corners: Vec<[CornerFrame; 3]> = (0..mesh.triangle_count())
             .map(|t| {
                 let normals = corner_normals(mesh, t, smooth);
@@ -85,14 +86,14 @@ impl TangentFrames {
                 && mesh.triangle_positions(t).iter().all(|p| p.is_finite())
         };
         let usable: Vec<u32> = (0..mesh.triangle_count() as u32).filter(usable).collect();
-        let (crowded, usable) = split_crowded(mesh, usable);
+        let (crowded, usable) = split_crowded(mesh, &frame, usable);
         let mut found: Vec<[Option<(Vec3, f32)>; 3]> = Vec::new();
         for (faces, alone) in [(usable, false), (crowded, true)] {
             let chunk = if alone { 1 } else { faces.len().max(1) };
             for faces in faces.chunks(chunk) {
                 found.clear();
                 found.resize(faces.len(), [None; 3]);
-                let mut job = Job { mesh, faces, corners: &corners, scale, found: &mut found };
+                let mut job = Job { mesh, faces, corners: &corners, frame, found: &mut found };
                 // The only errors of this version's type are none.
                 if generate_tangents(&mut job).is_err() {
                     continue;
@@ -154,17 +155,10 @@ fn corner_normals(mesh: &Mesh, t: usize, smooth: &[DVec3]) -> [DVec3; 3] {
     corners.map(|c| unit(smooth[c.vertex as usize]).unwrap_or(flat))
 }
 
-/// Brings coordinates near 1 without rounding them, so that their squares stay in the range of single precision.
-fn power_of_two_scale(mesh: &Mesh) -> f64 {
-    let largest =
-        mesh.positions.iter().map(|p| p.abs().max_element()).filter(|x| x.is_finite() && *x > 0.0).fold(0.0, f64::max);
-    if largest > 0.0 { (-largest.log2().ceil()).clamp(-1000.0, 1000.0).exp2() } else { 1.0 }
-}
-
 /// Triangles at points with too many of them, and the others.
-fn split_crowded(mesh: &Mesh, faces: Vec<u32>) -> (Vec<u32>, Vec<u32>) {
+fn split_crowded(mesh: &Mesh, frame: &Frame, faces: Vec<u32>) -> (Vec<u32>, Vec<u32>) {
     // The generator merges corners by position.
-    let key = |v: u32| mesh.positions[v as usize].to_array().map(|c| (c as f32 + 0.0).to_bits());
+    let key = |v: u32| frame.local(mesh.positions[v as usize]).to_array().map(|c| (c as f32 + 0.0).to_bits());
     let mut around: HashMap<[u32; 3], u32> = HashMap::new();
     for &t in &faces {
         for v in mesh.triangle(t as usize) {
@@ -179,7 +173,7 @@ struct Job<'a> {
     mesh: &'a Mesh,
     faces: &'a [u32],
     corners: &'a [[CornerFrame; 3]],
-    scale: f64,
+    frame: Frame,
     found: &'a mut [[Option<(Vec3, f32)>; 3]],
 }
 
@@ -194,7 +188,7 @@ impl Geometry for Job<'_> {
 
     fn position(&self, face: usize, vert: usize) -> [f32; 3] {
         let v = self.mesh.triangle(self.faces[face] as usize)[vert];
-        (self.mesh.positions[v as usize] * self.scale).as_vec3().to_array()
+        self.frame.local(self.mesh.positions[v as usize]).as_vec3().to_array()
     }
 
     fn normal(&self, face: usize, vert: usize) -> [f32; 3] {

@@ -13,7 +13,7 @@ use super::correspondence::{CorrespondenceOptions, Method, Shape, correspondence
 use super::embedding::{Embedding, EmbeddingOptions, Rescaling};
 use super::packed::{PackedPoint, PointMap};
 use crate::error::{Error, Result};
-use crate::geometry::SurfacePoint;
+use crate::geometry::{Frame, SurfacePoint};
 use crate::progress::{Progress, Quiet};
 
 /// Anchors without which nothing is learnt from those that are left out.
@@ -185,8 +185,9 @@ impl Aligner<'_> {
     /// How far the field through `known` misses `held`, one by one.
     fn missed(&self, embedding: Option<&Embedding>, known: &AnchorPairs, held: &AnchorPairs) -> Result<Vec<f64>> {
         let images = Self::images(self.field(embedding, known)?.as_ref(), &held.target)?;
-        let (mesh, unit) = (self.source.mesh, self.source.mesh.area().sqrt());
-        let off = |p: &SurfacePoint, to: &SurfacePoint| p.position(mesh).distance(to.position(mesh)) / unit;
+        let (mesh, frame) = (self.source.mesh, Frame::of_mesh(self.source.mesh));
+        let unit = mesh.area().sqrt() * frame.scale;
+        let off = |p: &SurfacePoint, to: &SurfacePoint| frame.place(p, mesh).distance(frame.place(to, mesh)) / unit;
         Ok(images.iter().zip(&held.source).map(|(p, to)| p.map_or(1.0, |p| off(&p, to))).collect())
     }
 

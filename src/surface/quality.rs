@@ -45,10 +45,10 @@ pub fn distortion(
     for t in (0..target.triangle_count()).filter(|&t| topology.usable[t]) {
         let v = target.triangle(t).map(|v| v as usize);
         let (Some(a), Some(b), Some(c)) = (images[v[0]], images[v[1]], images[v[2]]) else { continue };
-        let p = target.triangle_positions(t).map(|x| x * unit_target);
-        let q = [a, b, c].map(|x| x * unit_source);
-        let (e1, e2) = (p[1] - p[0], p[2] - p[0]);
-        let (f1, f2) = (q[1] - q[0], q[2] - q[0]);
+        // Differences first: far from the origin scaled coordinates would round once more.
+        let p = target.triangle_positions(t);
+        let (e1, e2) = ((p[1] - p[0]) * unit_target, (p[2] - p[0]) * unit_target);
+        let (f1, f2) = ((b - a) * unit_source, (c - a) * unit_source);
         let double_area = e1.cross(e2).length();
         let image_normal = f1.cross(f2);
         // Gram matrices: the trace of C^-1 C' is G^2 + g^2, their determinants' ratio (Gg)^2.
@@ -62,7 +62,7 @@ pub fn distortion(
             image_area: 0.5 * image_normal.length(),
             forward: 0.5 * trace,
             backward,
-            turned: turns(q, v.map(|v| normals[v])),
+            turned: turns([a, b, c], v.map(|v| normals[v])),
         });
     }
     let mapped: f64 = list.iter().map(|m| m.area).sum();

@@ -1,7 +1,7 @@
 //! Which part of a surface its anchors cover, and where one is missing (paper, section 4.4).
 
 use crate::error::Result;
-use crate::geometry::{Geodesics, March};
+use crate::geometry::{Frame, Geodesics, March};
 use crate::surface::AnchorPairs;
 use crate::surface::correspondence::{CorrespondenceOptions, Method, Shape, correspondence};
 
@@ -37,11 +37,14 @@ pub fn cover(
     let (mesh, topology) = (shape.mesh, shape.topology);
     let found = vertex_map((mesh, topology), (mesh, topology), map.as_ref())?;
     let edge = mesh.mean_edge_length();
+    let frame = Frame::of_mesh(mesh).in_units();
     let round_trip: Vec<f64> = found
-        .positions
+        .images
         .iter()
         .zip(&mesh.positions)
-        .map(|(image, p)| image.map_or(f64::INFINITY, |q| q.distance(*p) / edge))
+        .map(|(image, p)| {
+            image.point().map_or(f64::INFINITY, |q| frame.place(&q, mesh).distance(frame.local(*p)) / edge)
+        })
         .collect();
     let covered = |v: u32| round_trip[v as usize] <= 1.0;
     let (mut all, mut good) = (0.0, 0.0);

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::geometry::closest::ClosestPoints;
-use crate::geometry::{Mesh, NONE, SurfacePoint, Topology};
+use crate::geometry::{Frame, Mesh, NONE, SurfacePoint, Topology};
 use crate::surface::quality::{ErrorSummary, summarise};
 use crate::surface::{PackedImage, PackedPoint, PointMap, Status};
 
@@ -44,10 +44,12 @@ pub fn inverse_map(
     if let Some(i) = points.iter().position(|p| !p.is_valid(source, 1e-3)) {
         return Err(Error::input(format!("point {i} is not on the source"), "Give points of the source"));
     }
-    let images = image_mesh(target, vertices);
+    // In a frame of the source, where places do not round.
+    let frame = Frame::of_mesh(source);
+    let images = image_mesh(target, vertices, |p| frame.place(p, source));
     let closest = ClosestPoints::new(&images, &Topology::new(&images));
-    let unit = source.area().sqrt();
-    let wanted: Vec<DVec3> = points.iter().map(|p| p.position(source)).collect();
+    let unit = source.area().sqrt() * frame.scale;
+    let wanted: Vec<DVec3> = points.iter().map(|p| frame.place(p, source)).collect();
     let mut at: Vec<DVec3> = wanted.clone();
     let mut best = vec![PreImage { point: PackedImage::NOWHERE, residual: f64::INFINITY }; points.len()];
     for _ in 0..STEPS {
@@ -59,7 +61,7 @@ pub fn inverse_map(
         let mut most = 0.0_f64;
         for i in 0..points.len() {
             let (Some(candidate), Some(image)) = (candidates[i], found[i].point()) else { continue };
-            let missed = wanted[i] - image.position(source);
+            let missed = wanted[i] - frame.place(&image, source);
             let residual = missed.length() / unit;
             if residual < best[i].residual {
                 let status =
@@ -79,8 +81,8 @@ pub fn inverse_map(
 }
 
 /// The target's triangles with their vertices at their images; those without have no area.
-fn image_mesh(target: &Mesh, vertices: &VertexMap) -> Mesh {
-    let at: Vec<DVec3> = vertices.positions.iter().map(|p| p.unwrap_or(DVec3::ZERO)).collect();
+fn image_mesh(target: &Mesh, vertices: &VertexMap, place: impl Fn(&SurfacePoint) -> DVec3) -> Mesh {
+    let at: Vec<DVec3> = vertices.images.iter().map(|i| i.point().map_or(DVec3::ZERO, |p| place(&p))).collect();
     let triangles: Vec<[u32; 3]> = target
         .triangles()
         .iter()
@@ -116,13 +118,16 @@ pub fn cycle(target: &Mesh, topology: &Topology, vertices: &VertexMap, back: &dy
     let points: Vec<PackedPoint> = sent.iter().map(|s| s.1).collect();
     let mut found = Vec::new();
     back.map(&points, &mut found)?;
-    let unit = target.area().sqrt();
+    let frame = Frame::of_mesh(target);
+    let unit = target.area().sqrt() * frame.scale;
     let errors: Vec<f64> = sent
         .iter()
         .zip(&found)
-        .filter_map(|((v, _), i)| i.point().map(|p| p.position(target).distance(target.positions[*v]) / unit))
+        .filter_map(|((v, _), i)| {
+            i.point().map(|p| frame.place(&p, target).distance(frame.local(target.positions[*v])) / unit)
+        })
         .collect();
-    let edge = target.mean_edge_length() / unit;
+    let edge = target.mean_edge_length() * frame.scale / unit;
     let count = (0..target.vertex_count() as u32).filter(|&v| topology.vertex_point(v).is_some()).count();
     let share = |n: usize, of: usize| if of > 0 { n as f64 / of as f64 } else { 0.0 };
     Ok(Cycle {

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use crate::error::Result;
-use crate::geometry::{Mesh, SurfacePoint, Topology};
+use crate::geometry::{Frame, Mesh, SurfacePoint, Topology};
 use crate::surface::quality::{Distortion, distortion, normal_at, vertex_normals};
 use crate::surface::{PackedImage, PackedPoint, PointMap, Status};
 
@@ -54,6 +54,9 @@ pub fn vertex_map(source: (&Mesh, &Topology), target: (&Mesh, &Topology), map: &
     let images = vertex_images(mesh, topology, map)?;
     let on_source: Vec<Option<SurfacePoint>> = images.iter().map(|i| i.point()).collect();
     let positions: Vec<Option<DVec3>> = on_source.iter().map(|p| p.map(|p| p.position(source.0))).collect();
+    // Measured in a frame of the source, where places do not round.
+    let frame = Frame::of_mesh(source.0);
+    let places: Vec<Option<DVec3>> = on_source.iter().map(|p| p.map(|p| frame.place(&p, source.0))).collect();
     let source_normals = vertex_normals(source.0, source.1);
     let normals: Vec<DVec3> =
         on_source.iter().map(|p| p.map_or(DVec3::ZERO, |p| normal_at(source.0, &source_normals, &p))).collect();
@@ -66,7 +69,7 @@ pub fn vertex_map(source: (&Mesh, &Topology), target: (&Mesh, &Topology), map: &
         }
     }
     Ok(VertexMap {
-        distortion: distortion(mesh, topology, &positions, &normals, source.0.area()),
+        distortion: distortion(mesh, topology, &places, &normals, source.0.area() * frame.scale * frame.scale),
         images,
         positions,
         valid_fraction: if all > 0.0 { valid / all } else { 0.0 },

@@ -177,7 +177,6 @@ fn write(
             write_polyline_ply(&runs, &properties, path)
         }
         Format::Svg => {
-            let places: Vec<DVec3> = controls.iter().map(|p| p.position(&surface.mesh)).collect();
             let options = DrawingOptions {
                 azimuth: arguments.view.0,
                 elevation: arguments.view.1,
@@ -190,7 +189,7 @@ fn write(
                     "Give azimuth and elevation in degrees",
                 ));
             }
-            let text = drawing(&surface.mesh, &surface.topology, curve, &places, &options);
+            let text = drawing(&surface.mesh, &surface.topology, curve, controls, &options);
             barymap::io::output::write_bytes(path, text.as_bytes())
         }
     }

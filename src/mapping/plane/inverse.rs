@@ -38,8 +38,9 @@ impl CompositeMap {
     /// [`CompositeMap::inverse`] where that stalls.
     pub fn refine(&self, q: DVec2, guess: DVec2) -> Option<Mapped> {
         let (mut p, mut image) = (guess, self.forward(guess));
-        let tolerance =
-            ROUNDINGS * f64::EPSILON * self.step_count() as f64 * self.target().size().max(self.source().size());
+        let size = self.target().size().max(self.source().size());
+        // Images far from the origin round by more than the steps do.
+        let tolerance = f64::EPSILON * (ROUNDINGS * self.step_count() as f64 * size + q.abs().max_element());
         let mut residual = (image.point - q).length();
         for _ in 0..8 {
             if residual <= tolerance {

@@ -171,7 +171,7 @@ pub fn jacobian_min_3d(
     samples: &Samples,
     model: &[[f32; 3]],
 ) -> Result<Minimum> {
-    let mut best = Minimum { value: f64::INFINITY, at: frame.origin, kind: MinimumKind::Interior };
+    let mut best = Minimum { value: f64::INFINITY, at: frame.origin(), kind: MinimumKind::Interior };
     for (points, model) in [(&samples.points[..], false), (model, true)] {
         let pieces = piece_minima(engine, step, points)?;
         let mut order: Vec<usize> = (0..pieces.len()).filter(|&k| pieces[k].value < f32::HUGE).collect();

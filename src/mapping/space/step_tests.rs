@@ -95,7 +95,7 @@ fn affine_maps_are_reproduced_with_their_derivative() {
     for (name, triangles, vertices) in cages() {
         let to: Vec<DVec3> = vertices.iter().map(|&v| affine(v, 1.0)).collect();
         // The frame of the image has another origin.
-        let shift = super::Frame::of(&to, 1.0).origin;
+        let shift = super::Frame::of(&to, 1.0).origin();
         let step = Step::new(&triangles, &vertices, &to, 1.0);
         let slope = affine(DVec3::X, 1.0) - affine(DVec3::ZERO, 1.0);
         for (place, p) in places(&triangles, &vertices) {

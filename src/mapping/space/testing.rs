@@ -50,14 +50,14 @@ pub(super) fn dented() -> Shape {
         turn * pushed * 0.8
     };
     let vertices: Vec<DVec3> = vertices.into_iter().map(place).collect();
-    let centre = super::Frame::of(&vertices, 1.0).origin;
+    let centre = super::Frame::of(&vertices, 1.0).origin();
     (triangles, vertices.into_iter().map(|v| v - centre).collect())
 }
 
 /// A sphere of 80 faces.
 pub(super) fn sphere() -> Shape {
     let mesh = crate::models::shapes::icosphere(0.5, 1);
-    let centre = super::Frame::of(&mesh.positions, 1.0).origin;
+    let centre = super::Frame::of(&mesh.positions, 1.0).origin();
     (mesh.triangles(), mesh.positions.iter().map(|&p| p - centre).collect())
 }
 

@@ -5,17 +5,21 @@ use nalgebra::{DMatrix, Matrix3};
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::geometry::Mesh;
-use crate::geometry::closest::ClosestPoints;
+use crate::geometry::{ClosestPoints, Frame, Mesh};
 use crate::surface::anchors::AnchorPairs;
 use crate::surface::packed::{PackedImage, PackedPoint, PointMap, Status};
 
 use super::{Method, Shape, check_faces};
 
+/// Part of the widest direction of some anchors below which they do not span a direction: more than the rounding of coordinates
+/// 1e7 sizes from the origin.
+const RANK: f64 = 1e-7;
+
 /// A smooth map of space followed by the closest point of the source. Every point is claimed valid: nothing in these methods
 /// tells right from wrong but the triangles they turn over ([`super::correspondence`]).
 #[derive(Debug)]
 pub struct Baseline {
+    /// In its own frame; the warp goes from there to that of the source.
     target: Mesh,
     closest: ClosestPoints,
     warp: Warp,
@@ -43,18 +47,23 @@ impl Baseline {
     /// # Errors
     /// If no triangle of the source is usable or the system of the radial basis functions breaks down.
     pub fn new(source: Shape<'_>, target: Shape<'_>, anchors: &AnchorPairs, method: Method) -> Result<Self> {
-        let from: Vec<DVec3> = anchors.target.iter().map(|p| p.position(target.mesh)).collect();
-        let to: Vec<DVec3> = anchors.source.iter().map(|p| p.position(source.mesh)).collect();
+        let closest = ClosestPoints::new(source.mesh, source.topology);
+        let (here, there) = (Frame::of_mesh(target.mesh), closest.frame());
+        let from: Vec<DVec3> = anchors.target.iter().map(|p| here.place(p, target.mesh)).collect();
+        let to: Vec<DVec3> = anchors.source.iter().map(|p| there.place(p, source.mesh)).collect();
         let warp = match method {
             Method::Rbf => Warp::radial(&from, &to)?,
-            _ => Warp::Similarity(Similarity::fit(&from, &to)),
+            _ => {
+                let usual = (source.mesh.area() / target.mesh.area()).sqrt() * there.scale / here.scale;
+                Warp::Similarity(Similarity::fit(&from, &to, usual))
+            }
         };
-        Ok(Self { target: target.mesh.clone(), closest: ClosestPoints::new(source.mesh, source.topology), warp })
+        Ok(Self { target: here.mesh(target.mesh), closest, warp })
     }
 
     fn map_point(&self, p: PackedPoint) -> PackedImage {
         let x = self.warp.apply(p.unpack().position(&self.target));
-        match self.closest.nearest(x) {
+        match self.closest.nearest_local(x) {
             Some((q, _)) => {
                 let packed = PackedPoint::from(q);
                 PackedImage {
@@ -120,20 +129,21 @@ fn covariance((from, a): (&[DVec3], DVec3), (to, b): (&[DVec3], DVec3)) -> Matri
 }
 
 impl Similarity {
-    /// The similarity that fits the anchors best in the least squares sense, a reflection where that fits better (mirrored pairs); the identity's
-    /// linear part where fewer than three anchors leave it open.
-    pub(super) fn fit(from: &[DVec3], to: &[DVec3]) -> Self {
+    /// The similarity that fits the anchors best in the least squares sense, a reflection where that fits better (mirrored pairs). Where fewer
+    /// than three anchors leave the rotation open nothing turns; where they lie at one place lengths grow by `usual`.
+    pub(super) fn fit(from: &[DVec3], to: &[DVec3], usual: f64) -> Self {
         let (a, b) = (mean(from), mean(to));
+        let (sa, sb) = (spread(from, a), spread(to, b));
+        let scale = if sa > 0.0 && sb > 0.0 { sb / sa } else { usual };
         if from.len() < 3 {
-            return Self { rotation: Matrix3::identity(), scale: 1.0, from: a, to: b };
+            return Self { rotation: Matrix3::identity(), scale, from: a, to: b };
         }
         let svd = covariance((from, a), (to, b)).svd(true, true);
         let rotation = match (svd.u, svd.v_t) {
             (Some(u), Some(vt)) => u * vt,
             _ => Matrix3::identity(),
         };
-        let (sa, sb) = (spread(from, a), spread(to, b));
-        Self { rotation, scale: if sa > 0.0 { sb / sa } else { 1.0 }, from: a, to: b }
+        Self { rotation, scale, from: a, to: b }
     }
 
     /// The similarity of some of the points, mirrored as this one is and no more than twice as large or small: where the points leave it open, this one's rotation and scale, which count as `prior` of
@@ -169,7 +179,7 @@ impl Similarity {
 }
 
 /// Linear kernel `|x - t_i|` with an affine part, interpolating. Coincident anchors are merged to their mean; where the anchors do not span space, the
-/// affine part is the one of least norm (pseudo-inverse).
+/// affine part is the one of least norm. Directions that they span by less than [`RANK`] count as none: those of a tilted plane are rounding.
 fn radial(from: &[DVec3], to: &[DVec3]) -> Result<Warp> {
     let origin = mean(from);
     let extent = spread(from, origin);
@@ -186,30 +196,26 @@ fn radial(from: &[DVec3], to: &[DVec3]) -> Result<Warp> {
     }
     let centres: Vec<DVec3> = merged.iter().map(|(p, ..)| (*p - origin) / unit).collect();
     let n = centres.len();
-    let row = |x: DVec3| [1.0, x.x, x.y, x.z];
-    let system = DMatrix::from_fn(n + 4, n + 4, |r, c| match (r < n, c < n) {
+    let broken =
+        || Error::numeric("the radial basis functions cannot be fitted", "Move anchors that nearly coincide apart");
+    // What of affine functions the centres tell apart: orthonormal columns.
+    let svd = DMatrix::from_fn(n, 4, |r, c| if c == 0 { 1.0 } else { centres[r][c - 1] }).svd(true, true);
+    let (Some(u), Some(vt)) = (svd.u, svd.v_t) else { return Err(broken()) };
+    let sizes = svd.singular_values;
+    let kept: Vec<usize> = (0..sizes.len()).filter(|&k| sizes[k] > RANK * sizes.max()).collect();
+    let size = n + kept.len();
+    let system = DMatrix::from_fn(size, size, |r, c| match (r < n, c < n) {
         (true, true) => centres[r].distance(centres[c]),
-        (true, false) => row(centres[r])[c - n],
-        (false, true) => row(centres[c])[r - n],
+        (true, false) => u[(r, kept[c - n])],
+        (false, true) => u[(c, kept[r - n])],
         (false, false) => 0.0,
     });
-    let values = DMatrix::from_fn(n + 4, 3, |r, c| if r < n { merged[r].1[c] / merged[r].2 } else { 0.0 });
-    // The pseudo-inverse serves flat and short anchor sets; up to a thousand anchors a decomposition takes seconds.
-    let exact = system.clone().full_piv_lu();
-    let solution = match exact.is_invertible().then(|| exact.solve(&values)).flatten() {
-        Some(s) if s.iter().all(|x| x.is_finite()) => s,
-        _ => system.svd(true, true).solve(&values, 1e-12 * n as f64).map_err(|e| {
-            Error::numeric(format!("the radial basis functions cannot be fitted: {e}"), "Move coincident anchors apart")
-        })?,
-    };
+    let values = DMatrix::from_fn(size, 3, |r, c| if r < n { merged[r].1[c] / merged[r].2 } else { 0.0 });
+    let solution =
+        system.full_piv_lu().solve(&values).filter(|s| s.iter().all(|x| x.is_finite())).ok_or_else(broken)?;
     let at = |r: usize| DVec3::new(solution[(r, 0)], solution[(r, 1)], solution[(r, 2)]);
-    Ok(Warp::Radial {
-        coefficients: (0..n).map(at).collect(),
-        affine: [at(n), at(n + 1), at(n + 2), at(n + 3)],
-        centres,
-        origin,
-        unit,
-    })
+    let affine = |q: usize| kept.iter().enumerate().map(|(k, &s)| at(n + k) * (vt[(s, q)] / sizes[s])).sum::<DVec3>();
+    Ok(Warp::Radial { coefficients: (0..n).map(at).collect(), affine: [0, 1, 2, 3].map(affine), centres, origin, unit })
 }
 
 #[cfg(test)]
@@ -255,14 +261,14 @@ mod tests {
     fn similarity_recovers_mirror_and_scale() {
         let (from, _) = anchors();
         let to: Vec<DVec3> = from.iter().map(|p| DVec3::new(-3.0 * p.x + 1.0, 3.0 * p.y, 3.0 * p.z)).collect();
-        let warp = Similarity::fit(&from, &to);
+        let warp = Similarity::fit(&from, &to, 1.0);
         assert!(from.iter().zip(&to).all(|(p, q)| warp.apply(*p).distance(*q) < 1e-9));
     }
 
     #[test]
     fn local_similarities_follow_their_points_and_keep_what_those_leave_open() {
         let (from, _) = anchors();
-        let whole = Similarity::fit(&from, &from.iter().map(|p| 2.0 * *p).collect::<Vec<_>>());
+        let whole = Similarity::fit(&from, &from.iter().map(|p| 2.0 * *p).collect::<Vec<_>>(), 1.0);
         // A quarter turn about z, a little larger: nearly all of it is followed.
         let turned: Vec<DVec3> = from.iter().map(|p| DVec3::new(5.0 - 2.4 * p.y, 2.4 * p.x, 2.4 * p.z)).collect();
         let local = whole.local(&from, &turned, 0.01);

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::{PointMap, Shape};
 use crate::error::Result;
-use crate::geometry::SurfacePoint;
+use crate::geometry::{Frame, SurfacePoint};
 use crate::surface::field::FieldReport;
 use crate::surface::packed::{PackedImage, PackedPoint, Status};
 use crate::surface::quality::{flipped, normal_at, vertex_normals};
@@ -43,7 +43,8 @@ impl Checked {
         let images: Vec<Option<SurfacePoint>> =
             vertex_images(map.as_ref(), &target)?.into_iter().map(PackedImage::point).collect();
         let of_source = vertex_normals(source.mesh, source.topology);
-        let positions: Vec<Option<DVec3>> = images.iter().map(|p| p.map(|p| p.position(source.mesh))).collect();
+        let frame = Frame::of_mesh(source.mesh);
+        let positions: Vec<Option<DVec3>> = images.iter().map(|p| p.map(|p| frame.place(&p, source.mesh))).collect();
         let normals: Vec<DVec3> =
             images.iter().map(|p| p.map_or(DVec3::ZERO, |p| normal_at(source.mesh, &of_source, &p))).collect();
         let triangles = target.topology.triangles.clone();

@@ -13,7 +13,7 @@ use super::baseline::{Similarity, mean, spread};
 use super::checked::DOUBT;
 use super::{PointMap, Shape, check_faces};
 use crate::error::Result;
-use crate::geometry::{ClosestPoints, Mesh, NONE, SurfacePoint, Topology};
+use crate::geometry::{ClosestPoints, Frame, Mesh, NONE, SurfacePoint, Topology};
 use crate::surface::anchors::AnchorPairs;
 use crate::surface::field::FieldReport;
 use crate::surface::nearest_vertex::NearestVertex;
@@ -149,12 +149,17 @@ impl Followed {
         anchors: &AnchorPairs,
         anchored: &Anchored,
     ) -> Result<Self> {
+        // Each surface in its own frame, where places do not round.
+        let [there, here] = [source, target].map(|s| Frame::of_mesh(s.mesh).mesh(s.mesh));
+        let (source, target) = (Shape { mesh: &there, ..source }, Shape { mesh: &here, ..target });
         let followers = parts(&target, |c| !anchored.on_target[c as usize]);
         let around = around(map.as_ref(), source, target, anchored, &followers)?;
         let place = |points: &[SurfacePoint], mesh: &Mesh| points.iter().map(|p| p.position(mesh)).collect::<Vec<_>>();
-        let mut whole = Similarity::fit(&place(&anchors.target, target.mesh), &place(&anchors.source, source.mesh));
-        if anchors.len() < 3 || !(whole.scale > 0.0) {
-            whole.scale = (source.mesh.area() / target.mesh.area()).sqrt();
+        let usual = (source.mesh.area() / target.mesh.area()).sqrt();
+        let (from, to) = (place(&anchors.target, target.mesh), place(&anchors.source, source.mesh));
+        let mut whole = Similarity::fit(&from, &to, usual);
+        if anchors.len() < 3 {
+            whole.scale = usual;
         }
         let similarities: Vec<Similarity> = around.iter().map(|a| fitted(a, &whole)).collect();
         let free = parts(&source, |c| !anchored.on_source[c as usize]);

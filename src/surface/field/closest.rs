@@ -120,7 +120,7 @@ impl<'a, const K: usize> ClosestOnSurface<'a, K> {
             };
             match closer {
                 Some(c) if (c.distance_squared, c.face) < (best.distance_squared, best.face) => best = c,
-                _ => return Some(best),
+                _ => return Some(self.lowest(best)),
             }
         }
     }
@@ -204,10 +204,29 @@ impl<'a, const K: usize> ClosestOnSurface<'a, K> {
                 best = self.closer(place, v, best);
             }
             if best == Some(found) {
-                return best;
+                return Some(self.lowest(found));
             }
             seen = corners;
         }
+    }
+
+    /// A point of an edge or vertex as one of the lowest triangle there. Off a convex part of a surface whole regions are closest to
+    /// an edge: which of its triangles is named would be a matter of rounding, and what is along the surface depends on it.
+    fn lowest(&self, c: Closest) -> Closest {
+        let triangles = &self.surface.triangles;
+        let corners = triangles[c.face as usize].v;
+        let place = |zero: bool| c.x.iter().position(|x| (*x == 0.0) == zero).unwrap_or(0);
+        let face = match c.x.iter().filter(|x| **x == 0.0).count() {
+            0 => return c,
+            1 => triangles[c.face as usize].neighbours[place(true)],
+            _ => self.surface.fan(corners[place(false)]).first().copied().unwrap_or(c.face),
+        };
+        // No triangle is the highest number.
+        if face >= c.face {
+            return c;
+        }
+        let own = |v: u32| corners.iter().position(|w| *w == v).map_or(0.0, |k| c.x[k]);
+        Closest { face, x: triangles[face as usize].v.map(own), ..c }
     }
 
     /// The closest of `best` and the points of the triangles around `v`.

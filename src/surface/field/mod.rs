@@ -223,10 +223,9 @@ impl<S: Real, const K: usize> Field<S, K> {
                 let (y, x) = (embedded.left_out[i], spatial.left_out[i]);
                 let y: Vector<f64, D> = std::array::from_fn(|k| known.b[i][k] + y[k]);
                 let x = std::array::from_fn(|k| known.t[i][k] + x[k]);
-                closest.find(&field.framed(joined(&y, lambda, x))).map_or(1.0, |c| {
-                    let p = SurfacePoint::new(c.face, c.x).position(shapes.source.mesh) / shapes.source_length;
-                    p.distance(known.t[i])
-                })
+                closest
+                    .find(&field.framed(joined(&y, lambda, x)))
+                    .map_or(1.0, |c| shapes.source_point(&SurfacePoint::new(c.face, c.x)).distance(known.t[i]))
             })
             .collect();
         if options.confidence {
@@ -274,7 +273,7 @@ impl<S: Real, const K: usize> Field<S, K> {
         if let Some(factors) = factors? {
             let own = &shapes.source.topology.triangles;
             let unit = predicted.unit / reference.edge;
-            let begun = Relief::new(&shapes.source.mesh.positions, own, predicted.error * unit);
+            let begun = Relief::new(&shapes.source_places, own, predicted.error * unit);
             let places: Vec<Vector<f64, K>> = predicted.anchors.iter().map(|to| framed(&reference, *to)).collect();
             let pins = Pins { ties: &ties, to: &places, factors: &factors };
             let relaxed = relax(&shapes.bending, &closest, begun, [&triangles, own], &pins, &mut z)?;

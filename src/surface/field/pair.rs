@@ -7,21 +7,21 @@ use super::predict::Known;
 use super::{Field, FieldOptions};
 use crate::engine::Real;
 use crate::error::{Error, Result};
-use crate::geometry::SurfacePoint;
 use crate::geometry::bending::Bending;
+use crate::geometry::{Frame, Mesh, SurfacePoint};
 use crate::surface::PhongSurface;
 use crate::surface::anchors::AnchorPairs;
 use crate::surface::correspondence::Shape;
 use crate::surface::correspondence::drift::{Place, place};
 
-/// Two surfaces at unit area, and the bending energy of the target.
+/// Two surfaces at unit area, each about one of its points, and the bending energy of the target.
 #[derive(Debug)]
 pub(super) struct Shapes<'a> {
     pub(super) source: Shape<'a>,
     pub(super) target: Shape<'a>,
-    /// Square roots of the areas.
-    pub(super) source_length: f64,
-    pub(super) target_length: f64,
+    /// Where the vertices are; those of no usable triangle at the origin.
+    pub(super) source_places: Vec<DVec3>,
+    pub(super) target_places: Vec<DVec3>,
     pub(super) bending: Bending,
     /// For each vertex of the target whether a usable triangle has it.
     pub(super) used: Vec<bool>,
@@ -31,29 +31,46 @@ impl<'a> Shapes<'a> {
     pub(super) fn new(source: Shape<'a>, target: Shape<'a>) -> Result<Self> {
         let used: Vec<bool> =
             (0..target.mesh.vertex_count()).map(|v| !target.topology.vertex_triangles(v as u32).is_empty()).collect();
-        let (source_length, target_length) = (source.mesh.area().sqrt(), target.mesh.area().sqrt());
-        let at = |(p, used): (&DVec3, &bool)| if *used { *p / target_length } else { DVec3::ZERO };
-        let positions: Vec<DVec3> = target.mesh.positions.iter().zip(&used).map(at).collect();
-        let bending = Bending::new(&positions, &usable_triangles(&target))?;
-        Ok(Self { source, target, source_length, target_length, bending, used })
+        let (source_places, target_places) = (places(&source), places(&target));
+        let bending = Bending::new(&target_places, &usable_triangles(&target))?;
+        Ok(Self { source, target, source_places, target_places, bending, used })
     }
 
     pub(super) fn source_position(&self, v: usize) -> DVec3 {
-        self.source.mesh.positions[v] / self.source_length
+        self.source_places[v]
     }
 
     pub(super) fn target_position(&self, v: usize) -> DVec3 {
-        self.target.mesh.positions[v] / self.target_length
+        self.target_places[v]
+    }
+
+    /// The place of a point of the source.
+    pub(super) fn source_point(&self, p: &SurfacePoint) -> DVec3 {
+        combine(&self.source_places, self.source.mesh, p)
     }
 
     /// Positions of the anchors.
     pub(super) fn on_source(&self, anchors: &AnchorPairs) -> Vec<DVec3> {
-        anchors.source.iter().map(|p| p.position(self.source.mesh) / self.source_length).collect()
+        anchors.source.iter().map(|p| self.source_point(p)).collect()
     }
 
     pub(super) fn on_target(&self, anchors: &AnchorPairs) -> Vec<DVec3> {
-        anchors.target.iter().map(|p| p.position(self.target.mesh) / self.target_length).collect()
+        anchors.target.iter().map(|p| combine(&self.target_places, self.target.mesh, p)).collect()
     }
+}
+
+/// The vertices of a surface at unit area in its own frame.
+fn places(shape: &Shape<'_>) -> Vec<DVec3> {
+    let frame = Frame::of_mesh(shape.mesh);
+    let length = shape.mesh.area().sqrt() * frame.scale;
+    let used = |v: usize| !shape.topology.vertex_triangles(v as u32).is_empty();
+    let at = |(v, p): (usize, &DVec3)| if used(v) { frame.local(*p) / length } else { DVec3::ZERO };
+    shape.mesh.positions.iter().enumerate().map(at).collect()
+}
+
+fn combine(places: &[DVec3], mesh: &Mesh, p: &SurfacePoint) -> DVec3 {
+    let corners = mesh.triangle(p.face as usize);
+    (0..3).map(|k| places[corners[k] as usize] * p.barycentric[k]).sum()
 }
 
 /// An embedding at unit area of its mesh.

@@ -3,8 +3,8 @@
 use nalgebra::DMatrix;
 
 /// Singular values of the polynomial part below this fraction of the largest count as zero: anchors in a plane do not determine a map of space across it, and
-/// the part of least norm is taken.
-const RANK: f64 = 1e-8;
+/// the part of least norm is taken. Ten times what is left of flatness 1e7 sizes from the origin.
+const RANK: f64 = 1e-7;
 /// What is taken off the diagonal of the kernel, in parts of its largest entry, so that coinciding centres do not make it singular.
 const RIDGE: f64 = 1e-10;
 

@@ -188,7 +188,7 @@ impl<const K: usize> Images<'_, K> {
 
     fn image(&self, p: &SurfacePoint, normals: &[DVec3]) -> Image {
         let mesh = self.shapes.source.mesh;
-        (p.position(mesh), normal_at(mesh, normals, p))
+        (self.shapes.source_point(p), normal_at(mesh, normals, p))
     }
 
     /// The vertices within some rings of triangles, the held ones left out, by connected patches; each rising.
@@ -269,7 +269,7 @@ impl<const K: usize> Images<'_, K> {
         let local = |v: usize| vertices.binary_search(&v).ok().map(|k| k as u32);
         let images: Vec<SurfacePoint> = vertices.iter().map(|&v| Some(seen[v]?.1)).collect::<Option<_>>()?;
         let wanted: Vec<u32> = images.iter().map(|p| p.face).collect();
-        let chart = Chart::new(&source.mesh.positions, source.topology, &wanted)?;
+        let chart = Chart::new(&self.shapes.source_places, source.topology, &wanted)?;
         let from: Vec<DVec2> = images.iter().map(|p| chart.place(p)).collect::<Option<_>>()?;
         let (mut triangles, mut sides) = (Vec::new(), Vec::new());
         for &t in around {

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use crate::error::Result;
+use crate::geometry::Frame;
 use crate::surface::correspondence::{CorrespondenceOptions, Method, Shape, correspondence};
 use crate::surface::{AnchorPairs, PackedPoint};
 
@@ -36,8 +37,9 @@ const FEWEST: usize = 6;
 pub(super) fn outliers(source: Shape<'_>, target: Shape<'_>, pairs: &AnchorPairs) -> Result<Vec<Outlier>> {
     let options =
         CorrespondenceOptions { method: Method::Field, confidence: false, ..CorrespondenceOptions::default() };
-    let length = target.mesh.area().sqrt();
-    let at: Vec<DVec3> = pairs.target.iter().map(|p| p.position(target.mesh) / length).collect();
+    let (here, there) = (Frame::of_mesh(target.mesh), Frame::of_mesh(source.mesh));
+    let length = target.mesh.area().sqrt() * here.scale;
+    let at: Vec<DVec3> = pairs.target.iter().map(|p| here.place(p, target.mesh) / length).collect();
     let mut kept: Vec<usize> = (0..pairs.len()).collect();
     let mut out: Vec<Outlier> = Vec::new();
     let map_of = |kept: &[usize]| {
@@ -69,10 +71,10 @@ pub(super) fn outliers(source: Shape<'_>, target: Shape<'_>, pairs: &AnchorPairs
     let points: Vec<PackedPoint> = out.iter().map(|o| pairs.target[o.index].into()).collect();
     let mut images = Vec::new();
     map.map(&points, &mut images)?;
-    let unit = source.mesh.area().sqrt();
+    let unit = source.mesh.area().sqrt() * there.scale;
     for (o, image) in out.iter_mut().zip(&images) {
-        let place = pairs.source[o.index].position(source.mesh);
-        o.off = image.point().map_or(1.0, |p| p.position(source.mesh).distance(place) / unit);
+        let place = there.place(&pairs.source[o.index], source.mesh);
+        o.off = image.point().map_or(1.0, |p| there.place(&p, source.mesh).distance(place) / unit);
     }
     out.retain(|o| o.off > bound(&at, &kept, o.index, usual));
     out.sort_by(|a, b| b.off.total_cmp(&a.off).then(a.index.cmp(&b.index)));

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use crate::error::Result;
 use crate::geometry::cholesky::SparseCholesky;
 use crate::geometry::laplacian::{Laplacian, SparseRows};
-use crate::geometry::{Mesh, SurfacePoint, Topology};
+use crate::geometry::{Frame, Mesh, SurfacePoint, Topology};
 
 /// Diffusion times of the smoothed copies, at unit area: widths of 0.02 to 0.16.
 pub(super) const SCALES: [f64; 4] = [5e-5, 2e-4, 8e-4, 3.2e-3];
@@ -38,10 +38,12 @@ pub(super) struct Side<'a> {
 impl<'a> Side<'a> {
     /// O(V) factorisations, one per scale.
     pub(super) fn new(mesh: &'a Mesh, topology: &'a Topology) -> Result<Self> {
-        let length = mesh.area().sqrt();
+        let frame = Frame::of_mesh(mesh);
+        let length = mesh.area().sqrt() * frame.scale;
         let used = |v: usize| !topology.vertex_triangles(v as u32).is_empty();
-        let positions: Vec<DVec3> =
-            (0..mesh.vertex_count()).map(|v| if used(v) { mesh.positions[v] / length } else { DVec3::ZERO }).collect();
+        let positions: Vec<DVec3> = (0..mesh.vertex_count())
+            .map(|v| if used(v) { frame.local(mesh.positions[v]) / length } else { DVec3::ZERO })
+            .collect();
         let triangles: Vec<[u32; 3]> =
             topology.triangles.iter().zip(&topology.usable).filter(|(_, u)| **u).map(|(t, _)| *t).collect();
         let laplacian = Laplacian::new(&positions, &triangles);

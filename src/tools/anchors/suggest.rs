@@ -1,7 +1,7 @@
 //! Where the next pairs made by hand would help most.
 
 use crate::error::Result;
-use crate::geometry::{Geodesics, March, SurfacePoint};
+use crate::geometry::{Frame, Geodesics, March, SurfacePoint};
 use crate::surface::AnchorPairs;
 use crate::surface::correspondence::{CorrespondenceOptions, Method, Shape, Trust, correspondence};
 use crate::tools::vertex_map::vertex_map;
@@ -36,7 +36,7 @@ pub fn suggest(source: Shape<'_>, target: Shape<'_>, pairs: &AnchorPairs, count:
     let there = around(source, target, pairs)?;
     let back = around(target, source, &super::propose::swapped(pairs))?;
     let (mesh, topology) = (target.mesh, target.topology);
-    let length = mesh.area().sqrt();
+    let (length, frame) = (mesh.area().sqrt(), Frame::of_mesh(mesh));
     let half = Trust::default().drift;
     let n = mesh.vertex_count();
     let error: Vec<f64> = (0..n)
@@ -48,9 +48,9 @@ pub fn suggest(source: Shape<'_>, target: Shape<'_>, pairs: &AnchorPairs, count:
             let drift = if confidence > 0.0 { half * (1.0 / confidence - 1.0).max(0.0).sqrt() } else { 0.0 };
             let corners = source.topology.triangles[p.face as usize];
             let cycle = (0..3)
-                .map(|k| back.positions[corners[k] as usize].map(|q| p.barycentric[k] * q))
+                .map(|k| back.images[corners[k] as usize].point().map(|q| p.barycentric[k] * frame.place(&q, mesh)))
                 .sum::<Option<glam::DVec3>>()
-                .map_or(LARGEST, |q| q.distance(mesh.positions[v]) / length);
+                .map_or(LARGEST, |q| q.distance(frame.local(mesh.positions[v])) / (length * frame.scale));
             drift.max(cycle).min(LARGEST)
         })
         .collect();

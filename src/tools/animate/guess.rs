@@ -15,7 +15,7 @@ use super::facing::Facing;
 use super::settle::{normals, onto_surface};
 use crate::encoding::Similarity;
 use crate::error::{Error, Result};
-use crate::geometry::Mesh;
+use crate::geometry::{Frame, Mesh};
 use crate::io::motion::{Motion, Segment};
 
 /// Most steps of the iteration.
@@ -51,7 +51,9 @@ pub fn guess(motion: &Motion, mesh: &Mesh, reference: Reference) -> Result<Bindi
     if used.len() < 4 {
         return Err(Error::mesh(&mesh.name, "there are no faces to bind to", "Use a mesh with faces"));
     }
-    let vertices: Vec<DVec3> = used.iter().map(|&v| mesh.positions[v as usize]).collect();
+    // The fit is to the mesh in its frame until it is found.
+    let frame = Frame::of(used.iter().map(|&v| mesh.positions[v as usize]));
+    let vertices: Vec<DVec3> = used.iter().map(|&v| frame.local(mesh.positions[v as usize])).collect();
     let named = |k: &usize| !motion.names[*k].starts_with('*');
     let points: Vec<(usize, DVec3)> = (0..motion.point_count())
         .filter(named)
@@ -85,6 +87,7 @@ pub fn guess(motion: &Motion, mesh: &Mesh, reference: Reference) -> Result<Bindi
         let what = format!("{}: only {} points of the clip come near the mesh", motion.path.display(), bonds.len());
         return Err(Error::input(what, "Name the vertices of the markers in a file"));
     }
+    let fit = Similarity { scale: fit.scale / frame.scale, shift: frame.world(fit.shift), ..fit };
     let mut binding = Binding::fitted(motion, mesh, bonds, fit, reference)?;
     binding.warnings.extend(warnings);
     Ok(binding)

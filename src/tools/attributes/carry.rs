@@ -4,7 +4,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::{Attribute, AttributeKind};
-use crate::geometry::{Mesh, SurfacePoint, Topology};
+use crate::geometry::{Frame, Mesh, SurfacePoint, Topology};
 use crate::surface::Status;
 use crate::surface::quality::{normal_at, vertex_normals};
 use crate::tools::differential::Differential;
@@ -16,6 +16,8 @@ const JUMP: f64 = 8.0;
 /// Source, target and the map of the target's vertices.
 pub(super) struct Carrier<'a> {
     source: &'a Mesh,
+    /// At the source's own size.
+    frame: Frame,
     source_normals: Vec<DVec3>,
     target: &'a Mesh,
     around_target: &'a Topology,
@@ -31,7 +33,8 @@ impl<'a> Carrier<'a> {
         normals: &'a [DVec3],
     ) -> Self {
         let source_normals = vertex_normals(source.0, source.1);
-        Self { source: source.0, source_normals, target: target.0, around_target: target.1, normals, map }
+        let frame = Frame::of_mesh(source.0).in_units();
+        Self { source: source.0, frame, source_normals, target: target.0, around_target: target.1, normals, map }
     }
 
     /// The image of vertex `v`, its coordinates in the triangle.
@@ -54,11 +57,12 @@ impl<'a> Carrier<'a> {
                 let image = self.image(v)?;
                 let image_normal = normal_at(self.source, &self.source_normals, &image);
                 let image_normal = Some(image_normal).filter(|n| *n != DVec3::ZERO)?;
-                let (p, q) = (self.target.positions[v], image.position(self.source));
+                let (p, q) = (self.target.positions[v], self.frame.place(&image, self.source));
+                let place = |w: usize| self.map.images[w].point().map(|p| self.frame.place(&p, self.source));
                 let valid = |w: usize| self.map.images[w].status() == Status::Valid || w == v;
                 let steps = self.around_target.one_ring(v as u32).vertices.into_iter().filter_map(|w| {
                     let w = w as usize;
-                    let (e, f) = (self.target.positions[w] - p, self.map.positions[w].filter(|_| valid(w))? - q);
+                    let (e, f) = (self.target.positions[w] - p, place(w).filter(|_| valid(w))? - q);
                     (f.length() * ratio <= JUMP * e.length()).then_some((e, f))
                 });
                 Differential::fit(normal, image_normal, steps)

@@ -10,7 +10,7 @@ use glam::DVec3;
 use crate::encoding::Connectivity;
 use crate::engine::Engine;
 use crate::error::{Error, Result};
-use crate::geometry::Mesh;
+use crate::geometry::{Frame, Mesh};
 use crate::mapping::space::{Cage, CompositeMap, Linear, Partition, PartitionOptions, VertexPath, partition};
 use crate::progress::Progress;
 use crate::tools::deform::normals::turn_normals;
@@ -92,6 +92,24 @@ pub fn map_by_cage(
         let what = format!("vertex {v} of the model is not finite");
         return Err(Error::input(what, "Export the model again"));
     }
+    // Everything about a vertex of the source: far from the origin polyhedra on the way would round.
+    let origin = Frame::of(cage.source.iter().copied()).origin;
+    let local = |points: &[DVec3]| -> Vec<DVec3> { points.iter().map(|p| *p - origin).collect() };
+    let near = Cage { triangles: cage.triangles.clone(), source: local(&cage.source), target: local(&cage.target) };
+    let mut caged = near_origin(engine, &local(model), &near, options, progress)?;
+    caged.positions.iter_mut().flatten().for_each(|p| *p += origin);
+    caged.partition.polyhedra.iter_mut().flatten().for_each(|p| *p += origin);
+    caged.partition.steps.iter_mut().for_each(|s| s.minimum.at += origin);
+    Ok(caged)
+}
+
+fn near_origin(
+    engine: &Engine,
+    model: &[DVec3],
+    cage: &Cage,
+    options: &CageOptions,
+    progress: &dyn Progress,
+) -> Result<Caged> {
     let mut notes = Vec::new();
     let path: Box<dyn VertexPath> = match options.path {
         PathKind::Linear => Box::new(Linear::new(cage)),

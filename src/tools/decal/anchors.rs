@@ -3,7 +3,7 @@
 use glam::DVec2;
 
 use crate::error::{Error, Result};
-use crate::geometry::{Mesh, NONE, SurfacePoint, Topology};
+use crate::geometry::{Frame, Mesh, NONE, SurfacePoint, Topology};
 
 /// Four pairs or more of a point of a surface and one of the picture: `uv[i]` is where `points[i]` lies in the unit square, (0, 0) being the picture's lower left corner and (1, 1) its upper right.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -58,7 +58,8 @@ impl DecalAnchors {
             let what = format!("anchors 0 and {i} lie on parts of {} that are not connected", mesh.name);
             return fail(what, "Lay a decal for each part, or weld the parts");
         }
-        let at: Vec<_> = points.iter().map(|p| p.position(mesh)).collect();
+        let frame = Frame::of_mesh(mesh).in_units();
+        let at: Vec<_> = points.iter().map(|p| frame.place(p, mesh)).collect();
         let apart = SAME * mesh.mean_edge_length();
         for i in 0..points.len() {
             for j in 0..i {

@@ -4,7 +4,7 @@ use glam::{DMat2, DMat3, DVec2, DVec3};
 
 use super::DecalAnchors;
 use crate::error::{Error, Result};
-use crate::geometry::{Geodesics, March, Mesh, NONE, Topology};
+use crate::geometry::{Frame, Geodesics, March, Mesh, NONE, Topology};
 
 /// How far beyond the picture, in its sides, the layout goes at least: its free border should not be the picture's.
 const ROOM: f64 = 0.2;
@@ -128,13 +128,15 @@ impl Domain {
             geodesics.distances_from(v, &mut march);
             march.distances.clone()
         };
+        let frame = Frame::of_mesh(mesh).in_units();
         let chosen = spread(&anchors.uv);
         let uv: Vec<DVec2> = chosen.iter().map(|&i| anchors.uv[i]).collect();
         let mut between = Vec::with_capacity(chosen.len() * chosen.len());
         for &i in &chosen {
             let d = distances_of(corners[i]);
             // Several anchors in one triangle may share their nearest corner.
-            let straight = |j: usize| anchors.points[i].position(mesh).distance(anchors.points[j].position(mesh));
+            let place = |j: usize| frame.place(&anchors.points[j], mesh);
+            let straight = |j: usize| place(i).distance(place(j));
             between.extend(chosen.iter().map(|&j| d[corners[j] as usize].max(straight(j))));
         }
         let most = between.iter().copied().fold(0.0, f64::max);
@@ -178,7 +180,7 @@ impl Domain {
         }
         let area: f64 = faces.iter().map(|&t| mesh.triangle_area(t as usize)).sum();
         let scale = 1.0 / area.sqrt();
-        let centre = vertices.iter().map(|&v| mesh.positions[v as usize]).sum::<DVec3>() / vertices.len().max(1) as f64;
+        let centre = Frame::of(vertices.iter().map(|&v| mesh.positions[v as usize])).origin;
         let positions = vertices.iter().map(|&v| (mesh.positions[v as usize] - centre) * scale).collect();
         let triangles = faces.iter().map(|&t| mesh.triangle(t as usize).map(|v| number[v as usize])).collect();
         Self { vertices, faces, positions, triangles, number }

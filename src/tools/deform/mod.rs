@@ -17,7 +17,7 @@ use crate::encoding::{
 };
 use crate::engine::Engine;
 use crate::error::{Error, Result};
-use crate::geometry::{Mesh, NONE};
+use crate::geometry::{self, Mesh, NONE};
 use crate::io::cache::Cache;
 
 use followers::Followers;
@@ -79,15 +79,16 @@ impl Deformer {
         let handles = handles.on(mesh)?;
         let connectivity = Connectivity::new(mesh);
         let used = |v: usize| !connectivity.rings[v].is_empty();
+        let frame = geometry::Frame::of((0..mesh.vertex_count()).filter(|&v| used(v)).map(|v| mesh.positions[v]));
+        let centre = frame.origin;
         let (low, high) = (0..mesh.vertex_count())
             .filter(|&v| used(v))
-            .map(|v| mesh.positions[v])
+            .map(|v| mesh.positions[v] - centre)
             .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
         let diagonal = low.distance(high);
         if !(diagonal > 0.0) || !diagonal.is_finite() {
             return Err(Error::mesh(&mesh.name, "there is no triangle to deform", "Use a mesh with faces"));
         }
-        let centre = (low + high) * 0.5;
         let local = |p: DVec3| ((p - centre) / diagonal).to_array();
         let rest: Vec<V3<f64>> =
             mesh.positions.iter().enumerate().map(|(v, &p)| if used(v) { local(p) } else { [0.0; 3] }).collect();

@@ -18,7 +18,8 @@ pub(in crate::tools) fn turn_normals(mesh: &mut Mesh, connectivity: &Connectivit
         .map(|v| {
             let ring = &connectivity.rings[v];
             let around = ring.iter().map(|&u| u as usize).chain(std::iter::once(v));
-            let pairs: Vec<(DVec3, DVec3)> = around.map(|u| (rest[u], positions[u])).collect();
+            // About the vertex: far from the origin means of positions round.
+            let pairs: Vec<(DVec3, DVec3)> = around.map(|u| (rest[u] - rest[v], positions[u] - positions[v])).collect();
             if ring.is_empty() { glam::DMat3::IDENTITY } else { Similarity::fit(&pairs).rotation }
         })
         .collect();

@@ -16,7 +16,13 @@ pub(super) struct Anchors {
 
 impl Anchors {
     /// The given vertices; or in every component four spread over the patch that moves least between the shapes.
-    pub(super) fn new(connectivity: &Connectivity, shapes: &[Vec<V3<f64>>], given: Option<&[u32]>) -> Result<Self> {
+    /// `away` is how far each shape stands from the first, which counts as movement.
+    pub(super) fn new(
+        connectivity: &Connectivity,
+        shapes: &[Vec<V3<f64>>],
+        away: &[DVec3],
+        given: Option<&[u32]>,
+    ) -> Result<Self> {
         if let Some(given) = given {
             let n = connectivity.rings.len();
             if let Some(v) = given.iter().find(|&&v| (v as usize) >= n) {
@@ -33,7 +39,7 @@ impl Anchors {
         let mut held = Vec::new();
         let moved = |v: usize| {
             let at = |s: &Vec<V3<f64>>| DVec3::from(s[v]);
-            shapes.iter().map(|s| at(s).distance(at(&shapes[0]))).fold(0.0, f64::max)
+            shapes.iter().zip(away).map(|(s, off)| (at(s) - at(&shapes[0]) + *off).length()).fold(0.0, f64::max)
         };
         // The vertex whose whole neighbourhood moves least, component by component.
         let mut best: Vec<Option<(f64, u32)>> = vec![None; connectivity.component_count as usize];

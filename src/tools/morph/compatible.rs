@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::untangle::{Images, Mended};
 use crate::error::{Error, Result};
-use crate::geometry::{Mesh, NONE, SurfacePoint, Topology};
+use crate::geometry::{Frame, Mesh, NONE, SurfacePoint, Topology};
 use crate::surface::quality::{distortion, vertex_normals};
 use crate::surface::{PointMap, Status};
 use crate::tools::attributes::harmonic;
@@ -64,10 +64,13 @@ pub fn compatible_mesh(
 ) -> Result<Compatible> {
     let (mesh, topology) = a;
     let found = vertex_map(b, a, map)?;
+    // In the frame of `b`, where places do not round.
+    let frame = Frame::of_mesh(b.0);
+    let surface = frame.mesh(b.0);
     let used = |v: usize| topology.vertex_component[v] != NONE;
     let known: Vec<bool> = found.positions.iter().map(Option::is_some).collect();
     let mut flat: Vec<f64> =
-        found.positions.iter().zip(&mesh.positions).flat_map(|(image, p)| image.unwrap_or(*p).to_array()).collect();
+        found.images.iter().flat_map(|i| i.point().map_or(DVec3::ZERO, |p| frame.place(&p, b.0)).to_array()).collect();
     let filled = (0..known.len()).filter(|&v| used(v) && !known[v]).count();
     if filled > 0 {
         let mut reached = vec![false; topology.component_count as usize];
@@ -90,16 +93,27 @@ pub fn compatible_mesh(
             fixed[mesh.triangle(p.face as usize)[corner] as usize] = true;
         }
     }
-    let mut images = Images::new(a, b, positions);
+    let begun = positions.clone();
+    let own = Frame::of_mesh(mesh).mesh(mesh);
+    let mut images = Images::new((&own, topology), (&surface, b.1), positions);
     let Mended { before, left, moved } = images.mend(&fixed);
-    let off = images.farthest_off() / b.0.area().sqrt();
+    let off = images.farthest_off() / surface.area().sqrt();
     let mut made = super::without_normals(mesh);
-    made.positions = (0..mesh.vertex_count()).map(|v| if used(v) { images.at[v] } else { mesh.positions[v] }).collect();
-    mesh.spread_positions(&mut made.positions);
-    made.name = format!("{} on {}", mesh.name, b.0.name);
+    made.positions.clone_from(&images.at);
     let image_topology = Topology::new(&made);
     let all: Vec<Option<DVec3>> = made.positions.iter().map(|p| Some(*p)).collect();
     let d = distortion(mesh, topology, &all, &vertex_normals(&made, &image_topology), made.area());
+    let long_edges = long_edges(mesh, topology, &made);
+    made.positions = (0..mesh.vertex_count())
+        .map(|v| match found.positions[v] {
+            // What was not mended is the point of `b` as it is there.
+            Some(p) if images.at[v] == begun[v] => p,
+            _ if used(v) => frame.world(images.at[v]),
+            _ => mesh.positions[v],
+        })
+        .collect();
+    mesh.spread_positions(&mut made.positions);
+    made.name = format!("{} on {}", mesh.name, b.0.name);
     let count = |s: Status| {
         found
             .images
@@ -121,7 +135,7 @@ pub fn compatible_mesh(
         off,
         stretch_all: d.stretch_all,
         stretch_best95: d.stretch_best95,
-        long_edges: long_edges(mesh, topology, &made),
+        long_edges,
     };
     Ok(Compatible { mesh: made, report })
 }

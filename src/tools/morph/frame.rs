@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::geometry::{Mesh, Topology};
+use crate::geometry::{Frame, Mesh, Topology};
 use crate::surface::quality::{distortion, vertex_normals};
 
 /// Measures of an in-between against the first mesh.
@@ -46,10 +46,11 @@ impl<'a> FrameWatch<'a> {
         let normals = vertex_normals(&shape, &Topology::new(&shape));
         let images: Vec<Option<DVec3>> = positions.iter().map(|p| Some(*p)).collect();
         let d = distortion(self.mesh, &self.topology, &images, &normals, shape.area());
-        let used = || triangles.iter().flatten().map(|&v| positions[v as usize]);
+        let frame = Frame::of_mesh(&shape).in_units();
+        let used = || triangles.iter().flatten().map(|&v| frame.local(positions[v as usize]));
         let middle = used().sum::<DVec3>() / used().count().max(1) as f64;
         let cone = |t: &[u32; 3]| {
-            let [a, b, c] = t.map(|v| positions[v as usize] - middle);
+            let [a, b, c] = t.map(|v| frame.local(positions[v as usize]) - middle);
             a.dot(b.cross(c)) / 6.0
         };
         FrameReport {

@@ -15,7 +15,7 @@ use crate::encoding::{
     Blend, Connectivity, DecodeReport, Decoder, Hierarchy, HierarchyOptions, Quality, Similarity, V3,
 };
 use crate::error::{Error, Result};
-use crate::geometry::{Corner, Mesh, NONE};
+use crate::geometry::{Corner, Frame, Mesh, NONE};
 
 use anchors::Anchors;
 pub use compatible::{Compatible, CompatibleReport, LONG, compatible_mesh};
@@ -37,9 +37,10 @@ pub struct Morpher {
     anchors: Anchors,
     /// As given; vertices outside the hierarchy are blended linearly.
     originals: Vec<Vec<DVec3>>,
-    /// In the hierarchy's numbering, centred, the first with diagonal one.
+    /// In the hierarchy's numbering, each about its centre, the first with diagonal one.
     shapes: Vec<Vec<V3<f64>>>,
-    centre: DVec3,
+    /// The same vertex in all shapes.
+    centres: Vec<DVec3>,
     diagonal: f64,
     weights: Vec<f64>,
     /// What is odd but no error, a sentence each.
@@ -63,28 +64,32 @@ impl Morpher {
         others.iter().try_for_each(|other| same_connectivity(first, other))?;
         let connectivity = Connectivity::new(first);
         let used = |v: usize| !connectivity.rings[v].is_empty();
+        let frame = Frame::of((0..first.vertex_count()).filter(|&v| used(v)).map(|v| first.positions[v]));
+        // The same vertex of every mesh: wherever they stand, none is far from its own.
+        let middle = first.positions.iter().position(|p| *p == frame.origin).unwrap_or(0);
+        let centres: Vec<DVec3> = meshes.iter().map(|m| m.positions[middle]).collect();
         let (low, high) = (0..first.vertex_count())
             .filter(|&v| used(v))
-            .map(|v| first.positions[v])
+            .map(|v| first.positions[v] - frame.origin)
             .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
         let diagonal = low.distance(high);
         if !(diagonal > 0.0) || !diagonal.is_finite() {
             return Err(Error::mesh(&first.name, "there is no triangle to morph", "Use a mesh with faces"));
         }
-        let centre = (low + high) * 0.5;
-        let local = |mesh: &Mesh| -> Vec<V3<f64>> {
+        let local = |(mesh, &centre): (&&Mesh, &DVec3)| -> Vec<V3<f64>> {
             mesh.positions
                 .iter()
                 .enumerate()
                 .map(|(v, &p)| if used(v) { ((p - centre) / diagonal).to_array() } else { [0.0; 3] })
                 .collect()
         };
-        let locals: Vec<Vec<V3<f64>>> = meshes.iter().map(|m| local(m)).collect();
+        let locals: Vec<Vec<V3<f64>>> = meshes.iter().zip(&centres).map(local).collect();
         if let Some(k) = locals.iter().position(|l| l.iter().flatten().any(|x| !x.is_finite())) {
             return Err(Error::mesh(&meshes[k].name, "a used position is not finite", "Export the surface again"));
         }
         let anchors: Option<Vec<u32>> = anchors.map(|a| a.iter().map(|&v| first.representative(v)).collect());
-        let anchors = Anchors::new(&connectivity, &locals, anchors.as_deref())?;
+        let away: Vec<DVec3> = centres.iter().map(|c| (*c - frame.origin) / diagonal).collect();
+        let anchors = Anchors::new(&connectivity, &locals, &away, anchors.as_deref())?;
         let hierarchy = Hierarchy::new(&connectivity, &locals[0], &anchors.held, options)?;
         let shapes: Vec<Vec<V3<f64>>> =
             locals.iter().map(|l| hierarchy.order.iter().map(|&v| l[v as usize]).collect()).collect();
@@ -105,7 +110,7 @@ impl Morpher {
             anchors,
             originals: meshes.iter().map(|m| m.positions.clone()).collect(),
             shapes,
-            centre,
+            centres,
             diagonal,
             weights,
             warnings,
@@ -158,7 +163,7 @@ impl Morpher {
             (decoded, report) = self.solve(&here, quality)?;
         }
         self.weights = weights.to_vec();
-        Ok((self.place(&decoded, |_| weights), report))
+        Ok((self.place(&decoded, weights, |_| weights), report))
     }
 
     /// The shape with weights of its own at every vertex: `weights` holds one an input, vertex by vertex of the mesh. Position, turn and
@@ -211,14 +216,14 @@ impl Morpher {
         for (f, &time) in times.iter().enumerate() {
             let steps = ((time - before) / STEP).ceil().max(1.0) as usize;
             let mut last = (Vec::new(), DecodeReport::default());
-            let mut here = Vec::new();
+            let (mut here, mut at) = (Vec::new(), mean.clone());
             for step in 1..=steps {
                 let s = if step == steps { time } else { before + (time - before) * step as f64 / steps as f64 };
                 let toward = |i: usize, w: f64| {
                     if s == 1.0 { w } else { s * w + if i == corner { 1.0 - s } else { 0.0 } }
                 };
                 here = numbered.iter().enumerate().map(|(i, &w)| toward(i % k, w)).collect();
-                let at: Vec<f64> = mean.iter().enumerate().map(|(i, &w)| toward(i, w)).collect();
+                at = mean.iter().enumerate().map(|(i, &w)| toward(i, w)).collect();
                 let blend = &self.blend;
                 self.decoder.change_encoding(|h| blend.write(h, |v| &here[v as usize * k..][..k]));
                 last = self.solve(&at, quality)?;
@@ -229,7 +234,7 @@ impl Morpher {
                 NONE => &weights[v * k..][..k],
                 number => &here[number as usize * k..][..k],
             };
-            let shape = self.place(&last.0, weight);
+            let shape = self.place(&last.0, &at, weight);
             sink(f, shape, last.1)?;
         }
         Ok(())
@@ -258,15 +263,17 @@ impl Morpher {
         self.decoder.decode(&held, start, 1.0, quality, true)
     }
 
-    /// Decoded positions in the meshes' units; vertices the hierarchy does not have are blended linearly.
-    fn place<'w>(&self, decoded: &[V3<f64>], weights: impl Fn(usize) -> &'w [f64]) -> Vec<DVec3> {
+    /// Decoded positions in the meshes' units, `at` being the weights of the shapes' places; vertices the hierarchy does not have are blended linearly.
+    fn place<'w>(&self, decoded: &[V3<f64>], at: &[f64], weights: impl Fn(usize) -> &'w [f64]) -> Vec<DVec3> {
+        let shared = self.centres[0];
+        let centre = shared + self.centres.iter().zip(at).map(|(c, &w)| (*c - shared) * w).sum::<DVec3>();
         let mut result: Vec<DVec3> = (0..self.originals[0].len())
             .map(|v| {
                 self.originals.iter().zip(weights(v)).map(|(o, &w)| if w == 0.0 { DVec3::ZERO } else { o[v] * w }).sum()
             })
             .collect();
         for (&v, &p) in self.decoder.hierarchy().order.iter().zip(decoded) {
-            result[v as usize] = DVec3::from(p) * self.diagonal + self.centre;
+            result[v as usize] = DVec3::from(p) * self.diagonal + centre;
         }
         self.first.spread_positions(&mut result);
         result

@@ -117,16 +117,12 @@ pub(super) fn turned(
     }
 }
 
-pub(super) fn distances(
-    polygons: &Polygons,
-    positions: &[DVec3],
-    quads: &Mesh,
-    (mesh, closest): (&Mesh, &ClosestPoints),
-) -> Distances {
+pub(super) fn distances(polygons: &Polygons, quads: &Mesh, (mesh, closest): (&Mesh, &ClosestPoints)) -> Distances {
     let from = |points: &[DVec3], to: &ClosestPoints| -> (f64, f64) {
         let d: Vec<f64> = points.par_iter().map(|p| to.nearest(*p).map_or(0.0, |n| n.1)).collect();
         (d.iter().copied().fold(0.0, f64::max), d.iter().sum::<f64>() / d.len().max(1) as f64)
     };
+    let positions = &quads.positions;
     let middles: Vec<DVec3> = (0..polygons.len())
         .map(|p| {
             let c = polygons.polygon(p);

@@ -19,7 +19,7 @@ pub use measure::{Angles, Distances, EdgeLengths, Turned};
 use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::forward_in_dimension as in_dimension;
-use crate::geometry::{ClosestPoints, Mesh, SurfacePoint, Topology};
+use crate::geometry::{ClosestPoints, Frame, Mesh, SurfacePoint, Topology};
 use crate::surface::correspondence::Shape;
 use crate::surface::forward::{AnyForward, Origin};
 use crate::surface::gpu::{DeviceStencils, MOST_ROWS};
@@ -81,6 +81,8 @@ impl Default for RemeshOptions {
 pub struct Remesher<'a> {
     mesh: &'a Mesh,
     topology: &'a Topology,
+    /// At the mesh's own size.
+    frame: Frame,
     closest: ClosestPoints,
     forward: AnyForward,
     device: Option<DeviceStencils>,
@@ -204,6 +206,7 @@ impl<'a> Remesher<'a> {
         let edges = finest.edges().into_iter().map(|e| e.0).collect();
         Ok(Self {
             mesh: shape.mesh,
+            frame: closest.frame().in_units(),
             topology: shape.topology,
             closest,
             forward: AnyForward::new(shape)?,
@@ -287,7 +290,7 @@ impl<'a> Remesher<'a> {
             now.extend(found.into_iter().flatten());
         }
         let unsmoothed = now.clone();
-        let lengths = |p: &[SurfacePoint]| measure::edge_lengths(&self.edges, &self.positions(p));
+        let lengths = |p: &[SurfacePoint]| measure::edge_lengths(&self.edges, &self.places(p));
         let mut all = vec![lengths(&now)];
         let mut rest_lengths = Vec::new();
         // Steps that are known beforehand are sent together.
@@ -315,7 +318,7 @@ impl<'a> Remesher<'a> {
         if let Evenness::Fixed(c) = self.evenness {
             return Ok(Some((self.batch(points, &self.pulls(points, c, 1.0), together)?, c)));
         }
-        let variance = |p: &[SurfacePoint]| measure::edge_lengths(&self.edges, &self.positions(p)).variance;
+        let variance = |p: &[SurfacePoint]| measure::edge_lengths(&self.edges, &self.places(p)).variance;
         let now = variance(points);
         for (k, &c) in TRIED.iter().enumerate() {
             let part = if k + 1 == TRIED.len() { SHORT } else { 1.0 };
@@ -333,7 +336,7 @@ impl<'a> Remesher<'a> {
         if c == 0.0 && part == 1.0 {
             return rows;
         }
-        let x = self.positions(points);
+        let x = self.places(points);
         let rest = c * measure::edge_lengths(&self.edges, &x).mean;
         rows.scale(|i, j| {
             let length = x[i as usize].distance(x[j as usize]);
@@ -375,8 +378,9 @@ impl<'a> Remesher<'a> {
         self.levels.last().map_or(&self.polygons, |l| &l.polygons)
     }
 
-    fn positions(&self, points: &[SurfacePoint]) -> Vec<DVec3> {
-        points.iter().map(|p| p.position(self.mesh)).collect()
+    /// Places about the origin of the frame: lengths and angles of them do not round far from that of the file.
+    fn places(&self, points: &[SurfacePoint]) -> Vec<DVec3> {
+        points.iter().map(|p| self.frame.place(p, self.mesh)).collect()
     }
 
     /// The faces and points of the last frame; without one, those of the base mesh.
@@ -390,16 +394,15 @@ impl<'a> Remesher<'a> {
     /// The quad mesh of the last frame; without one, the base mesh on the surface.
     pub fn mesh(&self) -> Mesh {
         let (polygons, [_, points]) = self.current();
-        polygons.mesh(&self.name, self.positions(points))
+        polygons.mesh(&self.name, points.iter().map(|p| p.position(self.mesh)).collect())
     }
 
     /// What [`Self::mesh`] is like. O(vertices log F).
     pub fn report(&self) -> RemeshReport {
         let (finest, [unsmoothed, points]) = self.current();
-        let positions = self.positions(points);
-        let turned = |points: &[SurfacePoint]| {
-            measure::turned(finest, &self.positions(points), points, (self.mesh, self.topology))
-        };
+        let positions = self.places(points);
+        let turned =
+            |points: &[SurfacePoint]| measure::turned(finest, &self.places(points), points, (self.mesh, self.topology));
         RemeshReport {
             vertices: finest.vertices,
             faces: finest.len(),
@@ -411,7 +414,7 @@ impl<'a> Remesher<'a> {
             rest_lengths: self.rest_lengths.clone(),
             angles: measure::angles(finest, &positions),
             turned: [turned(unsmoothed), turned(points)],
-            distances: measure::distances(finest, &positions, &self.mesh(), (self.mesh, &self.closest)),
+            distances: measure::distances(finest, &self.mesh(), (self.mesh, &self.closest)),
         }
     }
 

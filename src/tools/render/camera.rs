@@ -3,11 +3,14 @@
 use glam::{DVec2, DVec3};
 
 use super::RenderOptions;
-use crate::geometry::Mesh;
+use crate::geometry::{Frame, Mesh};
 
 /// Maps points to pixels. Depth grows away from the camera.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Camera {
+    /// The shape's.
+    pub(super) frame: Frame,
+    /// In the frame, as all lengths here.
     centre: DVec3,
     pub(super) right: DVec3,
     pub(super) up: DVec3,
@@ -31,7 +34,9 @@ impl Camera {
                 t.iter().for_each(|&v| seen[v as usize] = true);
             }
         }
-        let points = || mesh.positions.iter().zip(&seen).filter(|(_, s)| **s).map(|(p, _)| *p);
+        let seen = || mesh.positions.iter().zip(&seen).filter(|(_, s)| **s).map(|(p, _)| *p);
+        let frame = Frame::of(seen());
+        let points = || seen().map(|p| frame.local(p));
         let low = points().fold(DVec3::INFINITY, DVec3::min);
         let high = points().fold(DVec3::NEG_INFINITY, DVec3::max);
         let centre = low + 0.5 * (high - low);
@@ -46,11 +51,20 @@ impl Camera {
         let right = DVec3::new(cos_a, 0.0, -sin_a);
         let half = 0.5 * options.field_of_view.to_radians();
         let distance = (half > 0.0).then(|| radius / half.sin());
-        let mut camera =
-            Self { centre, right, up: back.cross(right), back, distance, radius, scale: 1.0, offset: DVec2::ZERO };
+        let mut camera = Self {
+            frame,
+            centre,
+            right,
+            up: back.cross(right),
+            back,
+            distance,
+            radius,
+            scale: 1.0,
+            offset: DVec2::ZERO,
+        };
         // What of the picture the shape would take, then made to fit.
-        let low = points().map(|p| camera.project(p).truncate()).fold(DVec2::INFINITY, DVec2::min);
-        let high = points().map(|p| camera.project(p).truncate()).fold(DVec2::NEG_INFINITY, DVec2::max);
+        let low = points().map(|p| camera.project_local(p).truncate()).fold(DVec2::INFINITY, DVec2::min);
+        let high = points().map(|p| camera.project_local(p).truncate()).fold(DVec2::NEG_INFINITY, DVec2::max);
         let size = DVec2::new(f64::from(options.width), f64::from(options.height));
         let room = size * (1.0 - 2.0 * options.margin) / (high - low).max(DVec2::splat(1e-9));
         camera.scale = room.min_element();
@@ -61,6 +75,11 @@ impl Camera {
     /// Pixel coordinates (x right, y down, pixel centres at halves) and depth. The depth is projective under a perspective
     /// camera (linear in the picture) and distance along the view otherwise, in units of the shape's radius.
     pub(super) fn project(&self, p: DVec3) -> DVec3 {
+        self.project_local(self.frame.local(p))
+    }
+
+    /// The same for a point in the camera's frame.
+    pub(super) fn project_local(&self, p: DVec3) -> DVec3 {
         let q = (p - self.centre) / self.radius;
         let (x, y, z) = (q.dot(self.right), -q.dot(self.up), -q.dot(self.back));
         match self.distance {

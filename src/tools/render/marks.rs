@@ -48,10 +48,10 @@ pub(super) fn draw_anchors(
         if (anchor.face as usize) >= mesh.triangle_count() {
             continue;
         }
-        let position = anchor.position(mesh);
+        let position = camera.frame.place(anchor, mesh);
         // Lifted towards the camera by a little more than the surface may bend below the dot.
-        let lifted: DVec3 = camera.project(position + camera.back * (0.02 * camera.radius));
-        let p = camera.project(position);
+        let lifted: DVec3 = camera.project_local(position + camera.back * (0.02 * camera.radius));
+        let p = camera.project_local(position);
         let inside = p.is_finite()
             && p.x >= 0.0
             && p.y >= 0.0

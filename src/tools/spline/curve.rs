@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::layout::{Layout, de_boor};
 use super::subdivide::halve;
-use crate::geometry::{Mesh, NONE, SurfacePoint};
+use crate::geometry::{Frame, Mesh, NONE, SurfacePoint};
 use crate::surface::forward::{Average, Forward, Origin, planar};
 use crate::surface::vector::{Vector, distance_squared};
 
@@ -17,6 +17,8 @@ const FAR: f64 = 4.0;
 /// A spline on a surface.
 pub(super) struct Curve<'a, const D: usize> {
     pub(super) mesh: &'a Mesh,
+    /// Where samples are told, in the units of the mesh.
+    frame: Frame,
     pub(super) forward: &'a Forward<D>,
     pub(super) layout: Layout,
     pub(super) controls: Vec<SurfacePoint>,
@@ -38,15 +40,27 @@ pub(super) struct Sample {
     /// In `0..=spans`.
     pub(super) u: f64,
     pub(super) point: SurfacePoint,
+    /// About the origin of the curve's frame.
     pub(super) position: DVec3,
     pub(super) origin: Origin,
     pub(super) distance_squared: f64,
 }
 
 impl<'a, const D: usize> Curve<'a, D> {
-    pub(super) fn new(mesh: &'a Mesh, forward: &'a Forward<D>, layout: Layout, controls: Vec<SurfacePoint>) -> Self {
+    /// `frame` is one of the mesh at its own size ([`Frame::in_units`]).
+    pub(super) fn new(
+        (mesh, frame): (&'a Mesh, Frame),
+        forward: &'a Forward<D>,
+        layout: Layout,
+        controls: Vec<SurfacePoint>,
+    ) -> Self {
         let embedded = controls.iter().map(|p| forward.embed(p)).collect();
-        Self { mesh, forward, layout, controls, embedded }
+        Self { mesh, frame, forward, layout, controls, embedded }
+    }
+
+    /// Another curve on the same surface.
+    pub(super) fn of_same(&self, layout: Layout, controls: Vec<SurfacePoint>) -> Self {
+        Self::new((self.mesh, self.frame), self.forward, layout, controls)
     }
 
     pub(super) fn span(&'a self, s: usize) -> Span<'a, D> {
@@ -108,7 +122,7 @@ impl<'a, const D: usize> Curve<'a, D> {
             let far = distance_squared(&self.forward.embed(a), &self.forward.embed(b)) > FAR * FAR;
             self.forward.average(&[*a, *b], &[1.0 - w, w], if far { NONE } else { a.face }).point
         };
-        Self::new(self.mesh, self.forward, self.layout.halved(), halve(&self.layout, &self.controls, &average))
+        self.of_same(self.layout.halved(), halve(&self.layout, &self.controls, &average))
     }
 }
 
@@ -142,7 +156,7 @@ impl<const D: usize> Span<'_, D> {
     }
 
     pub(super) fn sample(&self, u: f64, a: Average) -> Sample {
-        let position = a.point.position(self.curve.mesh);
+        let position = self.curve.frame.place(&a.point, self.curve.mesh);
         Sample { u, point: a.point, position, origin: a.origin, distance_squared: a.distance_squared }
     }
 }

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use glam::{DVec2, DVec3};
 
 use super::{CurvePoint, SurfaceCurve};
-use crate::geometry::{Mesh, Topology};
+use crate::geometry::{Frame, Mesh, SurfacePoint, Topology};
 use crate::surface::quality::vertex_normals;
 
 /// What a drawing looks like.
@@ -33,7 +33,7 @@ pub fn drawing(
     mesh: &Mesh,
     topology: &Topology,
     curve: &SurfaceCurve,
-    controls: &[DVec3],
+    controls: &[SurfacePoint],
     options: &DrawingOptions,
 ) -> String {
     let (sin_a, cos_a) = options.azimuth.to_radians().sin_cos();
@@ -41,10 +41,11 @@ pub fn drawing(
     let back = DVec3::new(sin_a * cos_e, sin_e, cos_a * cos_e);
     let right = DVec3::new(cos_a, 0.0, -sin_a);
     let up = back.cross(right);
+    let frame = Frame::of_mesh(mesh);
     let flat = |p: DVec3| DVec2::new(p.dot(right), -p.dot(up));
     let used = topology.triangles.iter().zip(&topology.usable).filter(|(_, u)| **u).flat_map(|(t, _)| t);
     let (low, high) = used.fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(low, high), &v| {
-        let p = flat(mesh.positions[v as usize]);
+        let p = flat(frame.local(mesh.positions[v as usize]));
         (low.min(p), high.max(p))
     });
     let size = DVec2::new(f64::from(options.size[0]), f64::from(options.size[1]));
@@ -63,7 +64,7 @@ pub fn drawing(
             let boundary = s == crate::geometry::NONE;
             if boundary || ((t as u32) < s && faces(t) != faces(s as usize)) {
                 let v = topology.triangles[t];
-                let [a, b] = [v[(k + 1) % 3], v[(k + 2) % 3]].map(|v| pixel(mesh.positions[v as usize]));
+                let [a, b] = [v[(k + 1) % 3], v[(k + 2) % 3]].map(|v| pixel(frame.local(mesh.positions[v as usize])));
                 // Writing to a string does not fail.
                 let _ = write!(path, "M{:.2} {:.2}L{:.2} {:.2}", a.x, a.y, b.x, b.y);
             }
@@ -88,7 +89,7 @@ pub fn drawing(
                     drawn = false;
                     continue;
                 }
-                let [a, b] = [pixel(pair[0].position), pixel(pair[1].position)];
+                let [a, b] = [0, 1].map(|k| pixel(frame.place(&pair[k].point, mesh)));
                 if !drawn {
                     let _ = write!(path, "M{:.3} {:.3}", a.x, a.y);
                 }
@@ -99,8 +100,8 @@ pub fn drawing(
         let _ = writeln!(out, "<path id=\"{id}\" {style} d=\"{path}\"/>");
     }
     out += "</g>\n<g id=\"controls\" fill=\"#c22\">\n";
-    for &p in controls {
-        let p = pixel(p);
+    for p in controls {
+        let p = pixel(frame.place(p, mesh));
         let _ = writeln!(out, "<circle cx=\"{:.2}\" cy=\"{:.2}\" r=\"4\"/>", p.x, p.y);
     }
     out += "</g>\n</svg>\n";

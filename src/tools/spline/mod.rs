@@ -22,7 +22,7 @@ pub use layout::{MOST_DEGREE, SplineKind};
 
 use crate::error::{Error, Result};
 use crate::forward_in_dimension as in_dimension;
-use crate::geometry::{Mesh, NONE, SurfacePoint, Topology};
+use crate::geometry::{Frame, Mesh, NONE, SurfacePoint, Topology};
 use crate::surface::correspondence::Shape;
 use crate::surface::forward::{AnyForward, Forward, Origin};
 use curve::{Curve, Sample};
@@ -140,6 +140,8 @@ impl SurfaceCurve {
 pub struct SplineSurface<'a> {
     mesh: &'a Mesh,
     topology: &'a Topology,
+    /// At the mesh's own size.
+    frame: Frame,
     prepared: AnyForward,
     diagonal: f64,
 }
@@ -152,7 +154,13 @@ impl<'a> SplineSurface<'a> {
     pub fn new(shape: Shape<'a>) -> Result<Self> {
         let prepared = AnyForward::new(shape)?;
         let diagonal = shape.mesh.bounds().map_or(0.0, |(low, high)| low.distance(high));
-        Ok(Self { mesh: shape.mesh, topology: shape.topology, prepared, diagonal })
+        Ok(Self {
+            mesh: shape.mesh,
+            topology: shape.topology,
+            frame: Frame::of_mesh(shape.mesh).in_units(),
+            prepared,
+            diagonal,
+        })
     }
 
     /// The spline as a polyline on the surface, evaluated adaptively. Deterministic for any number of threads.
@@ -173,7 +181,7 @@ impl<'a> SplineSurface<'a> {
             }
             let trace = trace::trace(&curve, options.samples, tolerance);
             let spans = curve.layout.spans();
-            let point = |s: &Sample| point(s, spans);
+            let point = |s: &Sample| self.point(s, spans);
             SurfaceCurve {
                 runs: trace.runs.iter().map(|r| r.iter().map(point).collect()).collect(),
                 jumps: trace
@@ -205,7 +213,7 @@ impl<'a> SplineSurface<'a> {
         Ok(in_dimension!(&self.prepared, forward => {
             let (curve, _) = self.curve(forward, layout, controls, options.evaluation);
             let spans = curve.layout.spans();
-            curve.points(parameters).iter().map(|s| point(s, spans)).collect()
+            curve.points(parameters).iter().map(|s| self.point(s, spans)).collect()
         }))
     }
 
@@ -229,7 +237,7 @@ impl<'a> SplineSurface<'a> {
         controls: &[SurfacePoint],
         evaluation: Evaluation,
     ) -> (Curve<'s, D>, u32) {
-        let mut curve = Curve::new(self.mesh, forward, layout, controls.to_vec());
+        let mut curve = Curve::new((self.mesh, self.frame), forward, layout, controls.to_vec());
         let mut levels = 0;
         if evaluation == Evaluation::Subdivision {
             while curve.widest() > FINE && 2 * curve.controls.len() <= MOST_CONTROLS && levels < 20 {
@@ -238,6 +246,11 @@ impl<'a> SplineSurface<'a> {
             }
         }
         (curve, levels)
+    }
+
+    fn point(&self, s: &Sample, spans: usize) -> CurvePoint {
+        let position = s.point.position(self.mesh);
+        CurvePoint { parameter: s.u / spans as f64, point: s.point, position, origin: s.origin }
     }
 
     fn check(&self, controls: &[SurfacePoint], o: &SplineOptions) -> Result<Layout> {
@@ -324,10 +337,6 @@ impl<'a> SplineSurface<'a> {
         }
         Ok(layout)
     }
-}
-
-fn point(s: &Sample, spans: usize) -> CurvePoint {
-    CurvePoint { parameter: s.u / spans as f64, point: s.point, position: s.position, origin: s.origin }
 }
 
 #[cfg(test)]

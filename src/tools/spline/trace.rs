@@ -168,7 +168,7 @@ impl<const D: usize> Tracer<'_, D> {
     fn bridge(&self, a: &Sample, b: &Sample) -> Option<Vec<Sample>> {
         let curve = self.span.curve;
         let line = Layout::new(SplineKind::BSpline, 1, 2, false)?;
-        let mut way = Curve::new(curve.mesh, curve.forward, line, vec![a.point, b.point]);
+        let mut way = curve.of_same(line, vec![a.point, b.point]);
         for _ in 0..BRIDGE_LEVELS {
             if way.widest() <= BRIDGE_STEP {
                 break;

@@ -18,7 +18,7 @@ use super::kind::{LayerKind, NormalY, Relief};
 use super::normal_code::{NormalCode, zero_height};
 use crate::error::Result;
 use crate::geometry::tangent_frames::TangentFrames;
-use crate::geometry::{Mesh, NONE, Topology};
+use crate::geometry::{Frame, Mesh, NONE, SurfacePoint, Topology};
 use crate::raster::Depth;
 use crate::surface::quality::vertex_normals;
 use crate::surface::{PointMap, Status};
@@ -31,17 +31,22 @@ const LEAST_COSINE: f64 = 0.035;
 /// A mesh with what is looked up on it.
 struct Side<'a> {
     mesh: &'a Mesh,
+    /// Where places are told, in the units of the mesh.
+    frame: Frame,
     frames: TangentFrames,
 }
 
 impl<'a> Side<'a> {
     fn new(mesh: &'a Mesh, topology: &Topology) -> Self {
-        Self { mesh, frames: TangentFrames::new(mesh, &vertex_normals(mesh, topology)) }
+        Self {
+            mesh,
+            frame: Frame::of_mesh(mesh).in_units(),
+            frames: TangentFrames::new(mesh, &vertex_normals(mesh, topology)),
+        }
     }
 
     fn position(&self, face: u32, b: [f64; 3]) -> DVec3 {
-        let [p, q, r] = self.mesh.triangle_positions(face as usize);
-        p * b[0] + q * b[1] + r * b[2]
+        self.frame.place(&SurfacePoint::new(face, b), self.mesh)
     }
 }
 
@@ -85,7 +90,7 @@ impl<'a> Rebase<'a> {
         let images: Vec<Option<DVec3>> = vertex_images(target.mesh, &around_target, map)?
             .iter()
             .map(|i| i.point().filter(|p| i.status() == Status::Valid && p.is_valid(source.mesh, 1e-2)))
-            .map(|p| p.map(|p| p.position(source.mesh)))
+            .map(|p| p.map(|p| source.frame.place(&p, source.mesh)))
             .collect();
         let (mut area, mut image_area) = (0.0, 0.0);
         for t in 0..target.mesh.triangle_count() {

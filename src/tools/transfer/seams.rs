@@ -54,8 +54,10 @@ pub fn seam_pairs(
     let mut pairs = Vec::new();
     for sides in edges.values() {
         // Where more than two triangles meet, each borders on the first.
-        for second in sides.iter().skip(1) {
-            along(mesh, chart, size, region, [sides[0], *second], &mut pairs);
+        // Which way an edge is walked is the first one's, wherever the mesh lies.
+        let (first, way) = ((sides[0].0, sides[0].1, true), sides[0].2);
+        for &(t, k, forward) in sides.iter().skip(1) {
+            along(mesh, chart, size, region, [first, (t, k, forward == way)], &mut pairs);
         }
     }
     pairs.sort_unstable();

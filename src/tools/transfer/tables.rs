@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3};
 use super::charts::charts;
 use super::tiles::UvTile;
 use crate::error::{Error, Result};
-use crate::geometry::{Mesh, NONE, Wrap};
+use crate::geometry::{Frame, Mesh, NONE, Wrap};
 
 /// A triangle of the source. Positions are centred and scaled; texture coordinates are (u, 1 - v), shifted by whole
 /// repeats (by the same for a whole chart), so that rows count down.
@@ -46,10 +46,10 @@ const LARGEST: f32 = 1e18;
 
 /// Centre of the used vertices' box and the factor that makes its longest side 1.
 fn frame(mesh: &Mesh) -> (DVec3, f64) {
+    let centre = Frame::of_mesh(mesh).origin;
     match mesh.bounds() {
-        Some((low, high)) if (high - low).max_element() > 0.0 => ((low + high) * 0.5, 1.0 / (high - low).max_element()),
-        Some((low, high)) => ((low + high) * 0.5, 1.0),
-        None => (DVec3::ZERO, 1.0),
+        Some((low, high)) if (high - low).max_element() > 0.0 => (centre, 1.0 / (high - low).max_element()),
+        _ => (centre, 1.0),
     }
 }
 

@@ -6,7 +6,7 @@ use uvunwrap::{Atlas, Density, MeshInput, Options, Packing};
 use super::UnwrapOptions;
 use super::cuts::Cuts;
 use crate::error::{Error, Result};
-use crate::geometry::{Corner, Mesh, MeshBuilder, NONE};
+use crate::geometry::{Corner, Frame, Mesh, MeshBuilder, NONE};
 
 /// More triangles than this are packed by rows, which is tens of times faster with thousands of charts.
 const SHAPES: usize = 400_000;
@@ -27,12 +27,12 @@ pub(super) struct Input {
 
 impl Input {
     pub(super) fn new(mesh: &Mesh) -> Self {
+        let frame = Frame::of_mesh(mesh);
         let (low, high) = mesh.bounds().unwrap_or_default();
-        let middle = low.midpoint(high);
         let size = (high - low).max_element();
         // Coordinates of unused vertices may be anything.
         let place = |p: &DVec3| {
-            let q = (*p - middle) / size;
+            let q = (*p - frame.origin) / size;
             if q.is_finite() { q.as_vec3().to_array() } else { [0.0; 3] }
         };
         Self {

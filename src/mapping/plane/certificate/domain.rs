@@ -1,5 +1,7 @@
 //! The polygons of a step as the certificate needs them, and exact decisions about them.
 
+use glam::DVec2;
+
 use super::interval::Interval;
 use crate::error::{Error, Result};
 use crate::geometry::Polygon;
@@ -23,7 +25,9 @@ pub(super) fn point(p: [f64; 2]) -> Vector {
     p.map(Interval::point)
 }
 
-/// Source and target of a step, each scaled by a power of two (exactly) to a size of about 1.
+/// Source and target of a step, each scaled by a power of two (exactly) to a size of about 1, and shifted to one of its vertices
+/// where that is exact, too: translations change no Jacobian, and far from the origin enclosures would be as wide as coordinates
+/// are rounded.
 #[derive(Clone, Debug)]
 pub(super) struct Domain {
     /// Vertices of the source.
@@ -35,7 +39,9 @@ pub(super) struct Domain {
     /// The vertex before each in its loop.
     pub(super) before: Vec<usize>,
     /// Local units of the source in one unit of the file.
-    pub(super) scale: f64,
+    scale: f64,
+    /// The point of the file that the source is shifted by.
+    origin: DVec2,
     /// What turns a Jacobian of the scaled polygons into one of the polygons as given: a power of two.
     pub(super) jacobian_unit: f64,
 }
@@ -62,14 +68,17 @@ impl Domain {
             ));
         }
         let (source_scale, target_scale) = (scale(from, "source")?, scale(to, "target")?);
-        let local =
-            |polygon: &Polygon, scale: f64| polygon.vertices().map(|v| (v * scale).to_array()).collect::<Vec<_>>();
+        let origin = exact_origin(from);
+        let local = |polygon: &Polygon, origin: DVec2, scale: f64| -> Vec<[f64; 2]> {
+            polygon.vertices().map(|v| ((v - origin) * scale).to_array()).collect()
+        };
         let domain = Self {
-            vertices: local(from, source_scale),
-            images: local(to, target_scale),
+            vertices: local(from, origin, source_scale),
+            images: local(to, exact_origin(to), target_scale),
             after: from.corners().map(|c| c.after).collect(),
             before: from.corners().map(|c| c.before).collect(),
             scale: source_scale,
+            origin,
             jacobian_unit: (source_scale / target_scale).powi(2),
         };
         if let Some(i) = (0..domain.len()).find(|&i| domain.vertices[i] == domain.vertices[domain.after[i]]) {
@@ -79,6 +88,11 @@ impl Domain {
             ));
         }
         Ok(domain)
+    }
+
+    /// A point of the source in the coordinates of the file.
+    pub(super) fn world(&self, p: [f64; 2]) -> DVec2 {
+        DVec2::from(p) / self.scale + self.origin
     }
 
     /// Number of vertices, and of edges.
@@ -130,6 +144,19 @@ impl Domain {
         }
         !self.side(i, [x, y]).may_vanish()
     }
+}
+
+/// The first vertex, if all differences from it are exact; else the origin of the file.
+fn exact_origin(polygon: &Polygon) -> DVec2 {
+    let Some(origin) = polygon.vertices().next() else { return DVec2::ZERO };
+    // The rounding error of a difference (Knuth's two-sum).
+    let error = |a: f64, b: f64| {
+        let d = a - b;
+        let back = a - d;
+        (a - (d + back)) + (back - b)
+    };
+    let exact = |v: DVec2| error(v.x, origin.x) == 0.0 && error(v.y, origin.y) == 0.0;
+    if polygon.vertices().all(exact) { origin } else { DVec2::ZERO }
 }
 
 /// The power of two that brings a polygon to a size between 1/2 and 1.

@@ -147,7 +147,7 @@ pub fn certificate(
     let mut corners = Vec::with_capacity(domain.len());
     for k in 0..domain.len() {
         let Some(corner) = Corner::new(&domain, k) else {
-            let worst = DVec2::from(domain.vertices[k]) / domain.scale;
+            let worst = domain.world(domain.vertices[k]);
             let verdict = Verdict::Undecided { boxes: 0, worst, bound: f64::NEG_INFINITY };
             return Ok(Certificate { verdict, boxes: 0, sampled: f64::INFINITY });
         };

@@ -222,7 +222,7 @@ impl<'a> Search<'a> {
 
     fn world(&self, cell: &Cell) -> DVec2 {
         let p = cell.chart.position(self.domain, cell.centre().map(Interval::point)).map(Interval::mid);
-        DVec2::from(p) / self.domain.scale
+        self.domain.world(p)
     }
 
     fn fold(&self, cell: &Cell, value: Interval) -> Verdict {

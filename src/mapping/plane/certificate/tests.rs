@@ -92,7 +92,7 @@ fn samples(from: &Polygon, to: &Polygon, domain: &Domain, cell: &Cell) -> Vec<f6
                 continue;
             }
             let p = cell.chart.position(domain, at.map(Interval::point)).map(Interval::mid);
-            let p = DVec2::from(p) / domain.scale;
+            let p = domain.world(p);
             if place(from, p).0 > 1e-4 {
                 values.push(jacobian(from, to, p));
             }
