@@ -15,6 +15,7 @@ mod materials;
 mod morph;
 mod pairs;
 mod remesh;
+mod similar;
 mod spline;
 mod steps;
 mod support;

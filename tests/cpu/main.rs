@@ -16,4 +16,7 @@ mod plane_cases;
 mod property_1;
 mod render;
 mod shaders;
+#[path = "../common/similar.rs"]
+mod similar;
+mod similarity;
 mod transfer;

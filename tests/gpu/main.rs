@@ -15,6 +15,9 @@ mod plane;
 #[path = "../common/plane.rs"]
 mod plane_cases;
 mod remesh;
+#[path = "../common/similar.rs"]
+mod similar;
+mod similarity;
 mod space;
 mod surface;
 mod transfer;
