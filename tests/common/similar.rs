@@ -1,4 +1,5 @@
 //! A pair of shapes moved, scaled and turned, and how the maps between them differ.
+#![allow(dead_code, reason = "each test program uses a part of this")]
 
 use barymap::engine::Engine;
 use barymap::geometry::{ClosestPoints, Mesh, SurfacePoint, Topology};
