@@ -64,7 +64,9 @@ pub(crate) struct Side {
 impl Side {
     pub(crate) fn new(mesh: Mesh) -> Self {
         let topology = Topology::new(&mesh);
-        let options = EmbeddingOptions { landmarks: 150, mid_level: 450, ..EmbeddingOptions::default() };
+        // The small shapes are simplified, too.
+        let landmarks = (mesh.vertex_count() / 6).min(400);
+        let options = EmbeddingOptions { landmarks, mid_level: 3 * landmarks, ..EmbeddingOptions::default() };
         let embedding = Embedding::compute(&mesh, &topology, &options, &Quiet).unwrap();
         Self { mesh, topology, embedding }
     }
@@ -126,6 +128,12 @@ pub(crate) fn off_the_grid() -> Rest {
         mesh.positions.iter_mut().for_each(|p| *p *= 1.1 / 3.0);
     }
     rest
+}
+
+/// Coordinates rounded to the grid.
+pub(crate) fn snapped(mut mesh: Mesh) -> Mesh {
+    mesh.positions.iter_mut().for_each(|p| *p = (*p / GRID).round() * GRID);
+    mesh
 }
 
 impl Pair {

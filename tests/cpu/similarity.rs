@@ -1,12 +1,15 @@
 //! Maps do not depend on where the meshes lie, how large they are and how they are turned.
 
-use barymap::geometry::{Mesh, SurfacePoint};
+use barymap::geometry::{Mesh, SurfacePoint, Topology};
+use barymap::surface::AnchorPairs;
 use barymap::surface::PackedImage;
+use barymap::surface::anchors::vertex_point;
 use barymap::surface::quality::{Distortion, distortion, vertex_normals};
 use glam::DVec3;
 
+use crate::common::{data, load};
 use crate::similar::{
-    Difference, Motion, Pair, Rest, Side, Way, at_rest, difference, exact, off_the_grid, sides, valid, ways,
+    Difference, Motion, Pair, Rest, Side, Way, at_rest, difference, exact, off_the_grid, sides, snapped, valid, ways,
 };
 
 /// Images of the vertices come first.
@@ -151,4 +154,43 @@ fn turns_leave_the_quality_of_maps() {
         }
     }
     assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+/// The bodies of a man and a woman with 80 anchors: 13,000 vertices.
+fn bodies() -> Rest {
+    let [source, target] = ["man.obj", "woman.obj"].map(|f| snapped(load(&format!("gt/smpl_same/{f}"))));
+    let [of_source, of_target] = [&source, &target].map(Topology::new);
+    let text = std::fs::read_to_string(data("gt/smpl_same/anchors_80.txt")).unwrap();
+    let mut anchors = AnchorPairs::default();
+    for line in text.lines() {
+        let pair: Vec<u32> = line.split_whitespace().map(|w| w.parse().unwrap()).collect();
+        anchors.source.push(vertex_point(&source, &of_source, pair[0], "anchor").unwrap());
+        anchors.target.push(vertex_point(&target, &of_target, pair[1], "anchor").unwrap());
+    }
+    // The same vertices.
+    let truth = (0..target.vertex_count() as u32).filter_map(|v| of_source.vertex_point(v)).collect();
+    Rest { source, target, anchors, truth }
+}
+
+#[test]
+#[ignore = "needs BARYMAP_DATA"]
+fn a_real_pair_is_mapped_alike_in_map_coordinates() {
+    let rest = Pair::of(bodies(), &Motion::NONE, &Motion::NONE);
+    let far = Motion::shift(500_000.0, 4_600_000.0, 300.0);
+    let moved = Pair::of(bodies(), &far, &Motion { scale: 2f64.powi(-10), ..Motion::NONE });
+    for way in [ways(true)[2], ways(false)[2], ways(false)[5]] {
+        let (a, b) = (rest.map(&way, None), moved.map(&way, None));
+        assert!(a == b, "{way:?}: {} differ", a.iter().zip(&b).filter(|(a, b)| a != b).count());
+        assert!(valid(&a) > 0.9, "{way:?}: {}", valid(&a));
+    }
+    // Rounded and turned: the same quality.
+    let turned = Motion { turn: Motion::turn(DVec3::new(0.3, 1.0, 0.2), 40.0).turn, ..far };
+    let turned = Pair::of(bodies(), &turned, &Motion::scale(1e-3));
+    let way = ways(true)[2];
+    let (a, b) = (rest.map(&way, None), turned.map(&way, None));
+    let (was, is) = (quality(&rest, &a), quality(&turned, &b));
+    assert!((valid(&a) - valid(&b)).abs() <= 0.01, "{} {}", valid(&a), valid(&b));
+    assert!((was.stretch_best95 - is.stretch_best95).abs() <= 0.01, "{was:?} {is:?}");
+    let errors = [&a, &b].map(|images| error(images, &bodies().truth, &rest.source.mesh));
+    assert!((errors[0] - errors[1]).abs() <= 0.01 * errors[0], "{errors:?}");
 }

@@ -44,7 +44,7 @@ pub struct TargetTriangle {
 /// Beyond this, products leave the range of single precision; triangles that thin count as without area.
 const LARGEST: f32 = 1e18;
 
-/// Centre of the used vertices' box and the factor that makes its longest side 1.
+/// The used vertex nearest to the centre of their box ([`crate::geometry::frame`]) and the factor that makes its longest side 1.
 fn frame(mesh: &Mesh) -> (DVec3, f64) {
     let centre = Frame::of_mesh(mesh).origin;
     match mesh.bounds() {
