@@ -59,7 +59,7 @@ pub use cache::{Cache, CacheKey};
 pub use gltf_animation::{GlbAnimation, GlbAnimationReport, MorphForm, write_animated_glb};
 pub use gltf_write::{GlbMaterial, write_glb};
 pub use handles::{read_handles, read_vertex_list};
-pub use image_file::{read_image, write_image};
+pub use image_file::{read_image, read_picture, read_texture, write_image, write_picture};
 pub use markers::{MarkerPlace, read_markers};
 pub use mask::read_mask;
 pub use motion::{Motion, read_motion};

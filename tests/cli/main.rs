@@ -14,6 +14,7 @@ mod map;
 mod materials;
 mod morph;
 mod pairs;
+mod pictures;
 mod remesh;
 mod similar;
 mod spline;

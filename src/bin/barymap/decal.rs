@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use barymap::io::decal_anchors::read_decal_anchors;
-use barymap::io::image_file::check_image_extension;
-use barymap::io::{AnchorSpec, read_image, write_image, write_obj};
+use barymap::io::image_file::{Metadata, Picture, check_image_extension};
+use barymap::io::{AnchorSpec, write_obj};
 use barymap::raster::Image;
 use barymap::tools::decal::{Decal, DecalAnchors, Layout, PaintOptions, composite, decal, paint, with_texcoords};
 use barymap::tools::transfer::{Filter, LARGEST_SIDE};
@@ -13,6 +13,7 @@ use clap::ValueEnum;
 use serde_json::json;
 
 use crate::common::{Common, Session, Surface, check_outputs, size, usage};
+use crate::pictures::Quality;
 use crate::transfer::FilterName;
 
 #[derive(Debug, clap::Args)]
@@ -29,7 +30,7 @@ pub(crate) struct Arguments {
     /// The mesh's texture so far; without it the result is the decal alone on transparent ground
     #[arg(long)]
     texture: Option<PathBuf>,
-    /// The texture with the decal: PNG, JPEG, TIFF or EXR; or the mesh with the decal's texture coordinates: OBJ
+    /// The texture with the decal: PNG, JPEG, TIFF, EXR, WebP, TGA or BMP; or the mesh with the decal's texture coordinates: OBJ
     #[arg(long, short)]
     output: PathBuf,
     /// How coordinates spread from the anchors
@@ -59,6 +60,8 @@ pub(crate) struct Arguments {
     /// Average and blend light instead of stored values
     #[arg(long)]
     linear_light: bool,
+    #[command(flatten)]
+    quality: Quality,
 }
 
 /// Names of the layouts.
@@ -82,6 +85,7 @@ impl Arguments {
 
     fn check(&self) -> Result<()> {
         check_outputs([self.output.as_path()])?;
+        self.quality.check([&self.output])?;
         if !(0.0..=1.0).contains(&self.opacity) {
             return Err(usage("--opacity", &format!("{}", self.opacity), "Give a number from 0 to 1"));
         }
@@ -128,8 +132,10 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     arguments.check()?;
     let mut session = if arguments.draws() { Session::start(common)? } else { Session::start_on_cpu(common)? };
     let surface = session.mesh(&arguments.mesh)?;
-    let picture = arguments.image.as_ref().map(read_image).transpose()?;
-    let texture = arguments.texture.as_ref().map(read_image).transpose()?;
+    let picture = arguments.image.as_ref().map(|p| session.picture(p)).transpose()?;
+    let texture = arguments.texture.as_ref().map(|p| session.texture(p)).transpose()?;
+    let metadata = metadata(arguments, picture.as_ref(), texture.as_ref(), &session);
+    let (picture, texture) = (picture.map(|p| p.image), texture.map(|t| t.image));
     if let Some(t) = texture.as_ref().filter(|t| t.width.max(t.height) > LARGEST_SIDE) {
         let what = format!("the texture has {} x {} texels", t.width, t.height);
         return Err(Error::input(what, "Sides up to 16384 are drawn on"));
@@ -153,7 +159,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
             let (image, count) = draw(&session, arguments, &surface, &made, picture, texture, material)?;
             texels = count;
             session.watch.lap("draw");
-            write_image(&image, &arguments.output)?;
+            session.write_picture(&image, &metadata, &arguments.output)?;
         }
         _ => write_obj(&with_texcoords(&surface.mesh, &made, arguments.patch), &arguments.output)?,
     }
@@ -175,6 +181,24 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     report["anchor_error"] = json!(r.anchor_error);
     report["texels"] = json!(texels);
     session.write_report(&report)
+}
+
+/// What is told of the result: what the texture's file tells, or of the decal's what its colours mean.
+fn metadata(
+    arguments: &Arguments,
+    picture: Option<&Picture>,
+    texture: Option<&Picture>,
+    session: &Session<'_>,
+) -> Metadata {
+    let decal = picture.map(|p| p.metadata.of_colors()).unwrap_or_default();
+    if texture.is_some_and(|t| t.metadata.icc != decal.icc) && arguments.draws() {
+        session.warn(
+            "the picture and the texture have different colour profiles: the colours of the picture may look different",
+        );
+    }
+    let mut metadata = texture.map(|t| t.metadata.clone()).unwrap_or(decal);
+    arguments.quality.apply(&mut metadata);
+    metadata
 }
 
 /// The number of a material.

@@ -18,6 +18,7 @@ mod layer_kinds;
 mod map;
 mod method;
 mod morph;
+mod pictures;
 mod progress_bar;
 mod remesh;
 mod render;

@@ -52,7 +52,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         Some(path) => surface.resolve(&barymap::io::anchors::read_single(path)?, &session)?,
         None => Vec::new(),
     };
-    let single = arguments.texture.as_ref().map(|p| to_rgba(&barymap::io::read_image(p)?)).transpose()?;
+    let single = arguments.texture.as_ref().map(|p| to_rgba(&session.texture(p)?.image)).transpose()?;
     let own = match (&single, own_textures(&surface)) {
         (None, Ok(own)) => Some(own),
         // A file without textures and colours is no fault; one whose textures cannot be read is told.

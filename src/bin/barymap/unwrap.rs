@@ -208,7 +208,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let report = unwrap_surface(&mut session, &mut surface, arguments.size, arguments.margin, arguments.angle)?;
     write(&surface.mesh, &arguments.output)?;
     if let Some(path) = &arguments.layout {
-        barymap::io::write_image(&layout(&surface.mesh, arguments.size.min(2048))?, path)?;
+        session.write_image(&layout(&surface.mesh, arguments.size.min(2048))?, path)?;
     }
     session.watch.lap("write");
     let d = report.distortion;

@@ -1,8 +1,9 @@
 //! `barymap warp`: a picture bent by a cage.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use barymap::io::cage::CageUnits;
+use barymap::io::image_file::{Metadata, Picture, write_picture};
 use barymap::io::output_set::OutputSet;
 use barymap::mapping::plane::{CompositeMap, jacobian_min};
 use barymap::raster::Image;
@@ -16,6 +17,7 @@ use serde_json::{Value, json};
 
 use crate::cage_map::{CageMap, CoordinatesName, MappingArguments};
 use crate::common::{Common, Session, check_outputs, size, usage};
+use crate::pictures::Quality;
 
 /// Most frames of a sequence.
 const MOST_FRAMES: u32 = 100_000;
@@ -24,11 +26,13 @@ const GRID_CELLS: u32 = 24;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    /// The picture: PNG, JPEG, TIFF or EXR
+    /// The picture: PNG, JPEG, TIFF, EXR, WebP, TGA, BMP, GIF, QOI, HDR or PNM; of an EXR file FILE.exr:LAYER names a layer or channel
     image: PathBuf,
-    /// The warped picture
+    /// The warped picture: PNG, JPEG, TIFF, EXR, WebP, TGA, BMP or QOI
     #[arg(long, short)]
     output: PathBuf,
+    #[command(flatten)]
+    quality: Quality,
     #[command(flatten)]
     mapping: MappingArguments,
     /// How colours are taken from the picture
@@ -79,10 +83,12 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let more = [&arguments.heatmap, &arguments.grid, &arguments.overlay];
     let pictures = || outputs.iter().chain(more.iter().copied().flatten()).map(PathBuf::as_path);
     pictures().try_for_each(barymap::io::image_file::check_image_extension)?;
+    arguments.quality.check(pictures())?;
     // One of a sequence stands for all: they are in the same folder.
     check_outputs(outputs.iter().take(1).chain(more.into_iter().flatten()).map(PathBuf::as_path))?;
     let mut session = Session::start(common)?;
-    let image = barymap::io::read_image(&arguments.image)?;
+    let Picture { image, mut metadata, .. } = session.picture(&arguments.image)?;
+    arguments.quality.apply(&mut metadata);
     let (made, units) = CageMap::new(&mut session, &arguments.mapping)?;
     made.refuse_folds(&session, "warp")?;
     let options = options(&session, arguments, &image, units.unwrap_or(CageUnits::Pixel));
@@ -92,6 +98,8 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let frames = Frames::new(&session, &made, outputs)?;
     let (mut stats, mut seconds) = (Vec::new(), 0.0);
     let mut last: Option<WarpOutput> = None;
+    // The frame whose notes stand for those of all.
+    let mut told = None;
     for (k, frame) in frames.list.iter().enumerate() {
         let started = std::time::Instant::now();
         let jacobian = arguments.heatmap.is_some() && k + 1 == frames.list.len();
@@ -99,10 +107,15 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         let warped = warp_picture(&session.engine, &image, &frame.map, &options, session.progress())?;
         seconds += started.elapsed().as_secs_f64();
         session.watch.lap("warp");
-        match &mut sequence {
-            Some(sequence) => barymap::io::write_image(&warped.image, sequence.file(&frame.output)?)?,
-            None => barymap::io::write_image(&warped.image, &frame.output)?,
+        let place = match &mut sequence {
+            Some(sequence) => sequence.file(&frame.output)?,
+            None => frame.output.clone(),
+        };
+        let notes = write_picture(&warped.image, &metadata, place)?;
+        if told.is_none() {
+            session.warn_of(&notes, &frame.output);
         }
+        told = told.or((!notes.is_empty()).then_some(k));
         session.watch.lap("write");
         stats.push(warped.stats.clone());
         last = Some(warped);
@@ -111,17 +124,17 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         sequence.finish()?;
         session.watch.lap("write");
     }
+    if let Some(k) = told.filter(|k| k + 1 < frames.list.len()) {
+        session.warn(&format!("the {} frames after this one may lose as much", frames.list.len() - k - 1));
+    }
     let Some(last) = last else { return Err(Error::option("--frames", "0", "Ask for one frame at least")) };
     let map = &frames.list[frames.list.len() - 1].map;
-    about(&session, arguments, &options, map, &last)?;
+    about(&session, arguments, &options, map, &last, &metadata)?;
     session.watch.lap("pictures");
 
     let failed: u64 = stats.iter().map(|s| s.failed_inside).sum();
     if failed > 0 {
         session.warn(&format!("{failed} pixels inside the cage have no pre-image: the map folds there"));
-    }
-    if arguments.outside == OutsideName::Transparent && is_jpeg(&arguments.output) {
-        session.warn("JPEG has no transparency: what is outside the cage is black");
     }
     let mut report = session.report("warp");
     made.describe(&mut report);
@@ -152,10 +165,6 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         made.summary(&session.engine)
     ));
     Ok(())
-}
-
-fn is_jpeg(path: &Path) -> bool {
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("jpg") || e.eq_ignore_ascii_case("jpeg"))
 }
 
 /// The pictures that are written: one, or one for each frame.
@@ -260,16 +269,18 @@ fn about(
     options: &WarpOptions,
     map: &CompositeMap,
     warped: &WarpOutput,
+    metadata: &Metadata,
 ) -> Result<()> {
     if let (Some(path), Some(jacobian)) = (&arguments.heatmap, &warped.jacobian) {
-        barymap::io::write_image(&heat_map(jacobian, warped.image.width)?, path)?;
+        session.write_image(&heat_map(jacobian, warped.image.width)?, path)?;
     }
     if let Some(path) = &arguments.grid {
         let size = [warped.image.width, warped.image.height];
-        barymap::io::write_image(&lattice_picture(&session.engine, map, &options.target, size, GRID_CELLS)?, path)?;
+        session.write_image(&lattice_picture(&session.engine, map, &options.target, size, GRID_CELLS)?, path)?;
     }
     if let Some(path) = &arguments.overlay {
-        barymap::io::write_image(&overlay(&warped.image, map, &options.source, &options.target)?, path)?;
+        let picture = overlay(&warped.image, map, &options.source, &options.target)?;
+        session.write_picture(&picture, &metadata.of_colors(), path)?;
     }
     Ok(())
 }

@@ -111,7 +111,7 @@ fn shown_color(material: &Material) -> [f32; 4] {
 pub(super) fn read(content: &TextureContent, source: &Mesh) -> Result<Image> {
     match content {
         TextureContent::Embedded(bytes) => barymap::io::image_file::decode_image(bytes, &source.name),
-        TextureContent::File(path) => barymap::io::read_image(path),
+        TextureContent::File(path) => Ok(barymap::io::read_texture(path)?.image),
     }
 }
 

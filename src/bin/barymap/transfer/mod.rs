@@ -22,6 +22,7 @@ use serde_json::json;
 use crate::common::{Common, EmbeddingArguments, Session, Surface, anchor_pairs, check_outputs, size, usage};
 use crate::layer_kinds::LayerKinds;
 use crate::method::{MethodArguments, prepare};
+use crate::pictures::Quality;
 use crate::unwrap::{Charts, Shown};
 use model::{Skin, SourceLook};
 use pictures::{Names, Writer};
@@ -44,7 +45,7 @@ pub(crate) struct Arguments {
     /// Pairs of anchors: JSON, lines `iS iT`, or two files `S.vts,T.vts`
     #[arg(long)]
     anchors: String,
-    /// The new texture: PNG, JPEG, TIFF or EXR; one for each layer, or one name with <ROLE> for all. With <UDIM> (or <UVTILE>) in the
+    /// The new texture: PNG, JPEG, TIFF, EXR, WebP, TGA or BMP; one for each layer, or one name with <ROLE> for all. With <UDIM> (or <UVTILE>) in the
     /// name one file a tile of the target, with <MATERIAL> one a material
     #[arg(long, short, required_unless_present = "model")]
     output: Vec<String>,
@@ -54,6 +55,8 @@ pub(crate) struct Arguments {
     kinds: LayerKinds,
     #[command(flatten)]
     look: Look,
+    #[command(flatten)]
+    quality: Quality,
     #[command(flatten)]
     charts: Charts,
     #[command(flatten)]
@@ -166,6 +169,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     check_outputs(arguments.look.model.as_deref().into_iter().chain(arguments.charts.unwrapped.as_deref()))?;
     arguments.charts.check(arguments.look.size, arguments.look.model.is_some())?;
     arguments.output.iter().try_for_each(barymap::io::image_file::check_image_extension)?;
+    arguments.quality.check(&arguments.output)?;
     let stmap = arguments.look.stmap.as_ref();
     if let Some(name) = stmap.filter(|n| !n.to_ascii_lowercase().ends_with(".exr")) {
         return Err(usage("--stmap", &format!("{name} cannot hold coordinates"), "End the name in .exr"));
@@ -191,6 +195,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let mut layers = textures(&arguments.texture, all_roles, &source, &session)?;
     let outputs = layer_names(&arguments.output, &layers)?;
     arguments.kinds.set(&mut layers)?;
+    layers.iter_mut().for_each(|layer| arguments.quality.apply(&mut layer.metadata));
     session.watch.lap("read");
     let anchors = anchor_pairs(&arguments.anchors, &source, &target, &session)?;
     if layers.iter().any(Textures::needs_texcoords) {
@@ -321,7 +326,7 @@ impl Job<'_> {
             session.watch.lap("transfer");
             for (k, (image, role)) in output.layers.iter().zip(&roles).enumerate() {
                 if let Some(path) = names.layer(k, role, part, to) {
-                    writer.image(image, &path)?;
+                    session.warn_of(&writer.picture(image, &self.layers[k].metadata, &path)?, &path);
                 }
             }
             if let Some(path) = names.coverage(part, to) {

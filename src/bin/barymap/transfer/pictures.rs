@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use barymap::Result;
 use barymap::geometry::{Mesh, NONE};
 use barymap::io::TextureName;
+use barymap::io::image_file::Metadata;
 use barymap::io::output_set::OutputSet;
 use barymap::raster::Image;
 use barymap::tools::transfer::{TilesUsed, UvRegion, UvTile};
@@ -152,8 +153,13 @@ pub(super) struct Writer {
 
 impl Writer {
     pub(super) fn image(&mut self, image: &Image, path: &Path) -> Result<()> {
+        self.picture(image, &Metadata::default(), path).map(drop)
+    }
+
+    /// Writes a picture with what is told of it; returns what its format has no place for.
+    pub(super) fn picture(&mut self, image: &Image, metadata: &Metadata, path: &Path) -> Result<Vec<String>> {
         let place = self.place(path)?;
-        barymap::io::write_image(image, place)
+        barymap::io::write_picture(image, metadata, place)
     }
 
     pub(super) fn bytes(&mut self, bytes: &[u8], path: &Path) -> Result<()> {

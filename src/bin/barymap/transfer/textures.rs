@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use barymap::geometry::material::{BASE_COLOR, Placement, ROLES, TextureContent};
 use barymap::geometry::{Mesh, NONE};
 use barymap::io::TextureName;
+use barymap::io::image_file::{Metadata, read_texture};
 use barymap::raster::Image;
 use barymap::tools::transfer::{LayerKind, TilesUsed, UvTile, holds_normals};
 use barymap::{Error, Result};
@@ -33,6 +34,8 @@ pub(crate) struct Textures {
     /// Picture of each triangle, where tiles decide it.
     pub(crate) face_texture: Option<Vec<u32>>,
     pub(crate) kind: LayerKind,
+    /// What the files of the pictures say of their colours.
+    pub(crate) metadata: Metadata,
 }
 
 impl Textures {
@@ -47,6 +50,7 @@ impl Textures {
             default_texture: NONE,
             face_texture: None,
             kind: LayerKind::Color,
+            metadata: Metadata::default(),
         }
     }
 
@@ -62,6 +66,7 @@ impl Textures {
             default_texture: 0,
             face_texture: None,
             kind: LayerKind::Color,
+            metadata: Metadata::default(),
         }
     }
 
@@ -251,11 +256,13 @@ struct Reader<'a> {
     session: Option<&'a Session<'a>>,
     /// Pictures of files, by how they lie.
     known: Vec<(PathBuf, Placement, u32)>,
+    /// Whether a file told of its colours yet.
+    told: bool,
 }
 
 impl<'a> Reader<'a> {
     fn new(layer: Textures, source: &'a Mesh, session: Option<&'a Session<'a>>) -> Self {
-        Self { layer, source, session, known: Vec::new() }
+        Self { layer, source, session, known: Vec::new(), told: false }
     }
 
     fn warn(&self, text: &str) {
@@ -275,10 +282,33 @@ impl<'a> Reader<'a> {
         if let Some((.., known)) = self.known.iter().find(|(p, placed, _)| *p == path && *placed == placement) {
             return Ok(*known);
         }
-        let image = barymap::io::read_image(&path)?;
+        let image = self.read(&path)?;
         let index = self.push(image, placement);
         self.known.push((path, placement, index));
         Ok(index)
+    }
+
+    /// The pixels of a file; what it tells of their colours is kept for the layer.
+    fn read(&mut self, path: &Path) -> Result<Image> {
+        let picture = read_texture(path)?;
+        for note in &picture.notes {
+            self.warn(&format!("{}: {note}", path.display()));
+        }
+        let (known, next) = (&mut self.layer.metadata, picture.metadata.of_colors());
+        if !std::mem::replace(&mut self.told, true) {
+            *known = next;
+            return Ok(picture.image);
+        }
+        known.quality = known.quality.max(next.quality);
+        known.half &= next.half;
+        if known.icc != next.icc {
+            known.icc = None;
+            self.warn(&format!(
+                "the pictures of {} have different colour profiles: none is written, and colours may look different",
+                self.layer.role
+            ));
+        }
+        Ok(picture.image)
     }
 
     fn push(&mut self, image: Image, placement: Placement) -> u32 {
@@ -314,7 +344,10 @@ impl<'a> Reader<'a> {
         let k = match known {
             Some((.., k)) => *k,
             None => {
-                let mut image = appearance::read(&content, self.source)?;
+                let mut image = match &content {
+                    TextureContent::File(path) => self.read(path)?,
+                    TextureContent::Embedded(_) => appearance::read(&content, self.source)?,
+                };
                 let multiplied = appearance::multiply(&mut image, &role, material)?;
                 let k = self.push(image, placement);
                 if let (TextureContent::File(path), false) = (content, multiplied) {
