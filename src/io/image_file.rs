@@ -32,7 +32,7 @@ use super::{output, source};
 use crate::raster::{Image, Pixels};
 use crate::{Error, Result};
 
-pub use self::metadata::{Density, DensityUnit, Metadata};
+pub use self::metadata::{Density, DensityUnit, Metadata, Part};
 
 /// More samples than this in one picture are not read: 32768 x 32768 pixels of 8-bit RGBA, or 16384 x 16384 of float RGBA.
 const LARGEST: u64 = 4 << 30;

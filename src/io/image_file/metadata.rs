@@ -20,12 +20,12 @@ pub struct Metadata {
     /// Whether the samples of an OpenEXR file are half floats; so are those of the next one.
     pub half: bool,
     /// Further parts of the file that its own format alone has a place for.
-    pub(crate) parts: Vec<Part>,
+    pub parts: Vec<Part>,
 }
 
 /// A part of a file as it is stored.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Part {
+pub enum Part {
     /// A segment of a JPEG file: its marker and content.
     Jpeg(u8, Vec<u8>),
     /// A chunk of a PNG file: its name and content.
