@@ -75,6 +75,8 @@ struct Reader<'a> {
     names: Names,
     /// Numbers behind the positions, and their count, once a vertex has colours.
     behind_positions: Vec<([f64; 4], u8)>,
+    /// Colours in comments.
+    polypaint: Vec<[f32; 4]>,
     bad_positions: Vec<NotFinite>,
     bad_texcoords: Vec<NotFinite>,
 }
@@ -90,6 +92,7 @@ impl<'a> Reader<'a> {
             corners: Vec::new(),
             names: Names::default(),
             behind_positions: Vec::new(),
+            polypaint: Vec::new(),
             bad_positions: Vec::new(),
             bad_texcoords: Vec::new(),
         }
@@ -137,6 +140,7 @@ impl<'a> Reader<'a> {
             b"s" => self.builder.smoothing = smoothing(rest),
             b"usemtl" => self.builder.material = self.names.material(rest),
             b"mtllib" => self.names.libraries(self.path, rest, &mut self.notes),
+            b"#MRGB" => self.polypaint(rest),
             b"l" | b"p" => self.notes.count("lines and points were passed over", Some(self.line)),
             b"curv" | b"curv2" | b"surf" => {
                 self.notes.count("free-form curves and surfaces were passed over", Some(self.line));
@@ -161,6 +165,16 @@ impl<'a> Reader<'a> {
         }
         self.behind_positions.resize(before, ([0.0; 4], 0));
         self.behind_positions.push((numbers, count as u8));
+    }
+
+    /// Colours that ZBrush writes as comments: eight hexadecimal digits a vertex, of which the first two are a mask.
+    fn polypaint(&mut self, digits: &[u8]) {
+        for vertex in digits.trim_ascii().chunks_exact(8) {
+            let byte = |k: usize| u8::from_str_radix(std::str::from_utf8(&vertex[k..k + 2]).ok()?, 16).ok();
+            let color = [2, 4, 6].map(|k| byte(k).map(|b| f32::from(b) / 255.0));
+            let [Some(r), Some(g), Some(b)] = color else { return };
+            self.polypaint.push([r, g, b, 1.0]);
+        }
     }
 
     /// Up to `N` numbers, at least `least`, and how many; what is missing is 0. A number that is none (as `1.#IND`) is NaN where it is
@@ -291,6 +305,8 @@ impl<'a> Reader<'a> {
         if let Some(colors) = vertex_colors::behind_positions(&self.behind_positions) {
             self.builder.mesh.colors = colors.rgba();
             colors.note.into_iter().for_each(|note| self.notes.say(note));
+        } else if self.polypaint.len() == positions && positions > 0 {
+            self.builder.mesh.colors = self.polypaint;
         }
         Ok(LoadedMesh { mesh: self.builder.build(), warnings: self.notes.into_warnings() })
     }

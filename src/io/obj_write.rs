@@ -147,7 +147,9 @@ fn material_library(mesh: &Mesh, path: &Path) -> Result<Vec<u8>> {
         text.extend_from_slice(&name);
         text.push(b'\n');
         let [r, g, b] = kd(material);
-        text.extend_from_slice(format!("Kd {r:?} {g:?} {b:?}\n").as_bytes());
+        if material.has_base_color || [r, g, b] != [1.0; 3] {
+            text.extend_from_slice(format!("Kd {r:?} {g:?} {b:?}\n").as_bytes());
+        }
         if material.base_color[3] != 1.0 {
             text.extend_from_slice(format!("d {:?}\n", material.base_color[3]).as_bytes());
         }
@@ -319,7 +321,7 @@ mod tests {
         for part in [&b"\ng Arm\x83\x5c\n"[..], b"\nusemtl K\xf6rper\n", b"\nusemtl K\xfcrper\n", b"\ng Bein\\\n"] {
             assert!(has(&obj, part), "{}", String::from_utf8_lossy(&obj));
         }
-        for line in mtl.split(|b| *b == b'\n') {
+        for line in mtl.split(|b| *b == b'\n').filter(|l| !l.is_empty()) {
             assert!(has(&written, line.trim_ascii()), "{}", String::from_utf8_lossy(&written));
         }
         assert_eq!(difference(&loaded.mesh, &read_obj(place("out.obj")).unwrap().mesh), None);

@@ -1,7 +1,9 @@
 //! `barymap decal`: a picture on a part of a surface, by four anchors or more.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
+use barymap::geometry::{Mesh, Placement, Wrap};
 use barymap::io::decal_anchors::read_decal_anchors;
 use barymap::io::image_file::{Metadata, Picture, check_image_extension};
 use barymap::io::{AnchorSpec, write_obj};
@@ -210,6 +212,21 @@ fn material(surface: &Surface, name: &str) -> Result<u32> {
     })
 }
 
+/// The mesh with places in its pictures as texture coordinates: a decal is drawn where the material shows the texel.
+fn placed<'m>(mesh: &'m Mesh, session: &Session<'_>) -> Cow<'m, Mesh> {
+    let placements: Vec<Placement> = mesh.materials.iter().map(|m| m.base_color_placement).collect();
+    if placements.iter().any(|p| p.wrap.contains(&Wrap::Mirror)) {
+        session.warn("a material mirrors its picture: beyond the unit square the decal is drawn as if it repeated");
+    }
+    if placements.iter().all(Placement::keeps_coordinates) {
+        return Cow::Borrowed(mesh);
+    }
+    let mut placed = mesh.clone();
+    let place = |m: u32| placements.get(m as usize).copied().unwrap_or_default();
+    placed.map_texcoords(|p, uv| place(mesh.polygon_material(p)).apply(uv));
+    Cow::Owned(placed)
+}
+
 /// The texture with the decal, and how many texels show it.
 fn draw(
     session: &Session<'_>,
@@ -238,7 +255,8 @@ fn draw(
         material,
         memory: session.common.memory,
     };
-    let painted = paint(&session.engine, &surface.mesh, made, picture, &options, session.progress())?;
+    let mesh = placed(&surface.mesh, session);
+    let painted = paint(&session.engine, &mesh, made, picture, &options, session.progress())?;
     for note in &painted.stats.notes {
         session.warn(note);
     }

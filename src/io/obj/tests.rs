@@ -44,6 +44,20 @@ fn groups_and_materials_interleave() {
 }
 
 #[test]
+fn colours_stand_behind_positions_or_in_comments() {
+    let text = "v 0 0 0 255 0 51\nv 1 0 0 0 0 0\nv 0 1 0 0 255 0\nf 1 2 3\n";
+    let loaded = parse(text).unwrap();
+    assert_eq!(loaded.mesh.colors[0], [1.0, 0.0, 0.2, 1.0]);
+    assert!(loaded.warnings[0].contains("parts of 255"), "{:?}", loaded.warnings);
+    let painted = format!("{TRIANGLE}#MRGB ffff0033ff000000\n#MRGB ff00ff00\nf 1 2 3\n");
+    assert_eq!(parse(&painted).unwrap().mesh.colors, loaded.mesh.colors);
+    // What does not fit the vertices is a comment.
+    let short = format!("{TRIANGLE}#MRGB ffff0033\nf 1 2 3\n");
+    assert!(parse(&short).unwrap().mesh.colors.is_empty());
+    assert!(parse(&format!("{TRIANGLE}f 1 2 3\n")).unwrap().mesh.colors.is_empty());
+}
+
+#[test]
 fn errors_name_the_line() {
     let cases = [
         (format!("{TRIANGLE}f 1 2 4\n"), "line 4: a face refers to vertex 4, the file has 3"),
