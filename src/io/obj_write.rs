@@ -147,7 +147,7 @@ fn material_library(mesh: &Mesh, path: &Path) -> Result<Vec<u8>> {
         text.extend_from_slice(&name);
         text.push(b'\n');
         let [r, g, b] = kd(material);
-        if material.has_base_color || [r, g, b] != [1.0; 3] {
+        if material.has_base_color || material.base_color[..3] != [1.0; 3] {
             text.extend_from_slice(format!("Kd {r:?} {g:?} {b:?}\n").as_bytes());
         }
         if material.base_color[3] != 1.0 {
@@ -187,7 +187,9 @@ fn material_library(mesh: &Mesh, path: &Path) -> Result<Vec<u8>> {
 /// The base colour as MTL files have it, as viewers show it.
 fn kd(material: &Material) -> [f32; 3] {
     let [r, g, b, _] = material.base_color;
-    if material.srgb_base_color { [r, g, b] } else { [r, g, b].map(linear_to_srgb) }
+    // Full light is full, whatever rounding makes of it.
+    let shown = |c: f32| if c == 1.0 { c } else { linear_to_srgb(c) };
+    if material.srgb_base_color { [r, g, b] } else { [r, g, b].map(shown) }
 }
 
 /// A statement that names a texture, if the format has one for its role.
