@@ -21,6 +21,7 @@ pub mod topology;
 mod triangulate;
 pub(crate) mod union_find;
 pub mod weld;
+pub mod up_axis;
 
 pub use closest::ClosestPoints;
 pub use diagnosis::Diagnosis;
@@ -35,3 +36,4 @@ pub use simplify::{Simplified, SimplifyOptions, simplify};
 pub use surface_point::SurfacePoint;
 pub use topology::Topology;
 pub use weld::{Weld, Welded};
+pub use up_axis::UpAxis;

@@ -1,13 +1,17 @@
 //! Data of vertices as tables: CSV, NumPy arrays, and the extra properties of PLY files.
 
+use std::collections::HashMap;
 use std::io::Write;
 use std::path::Path;
 
+use super::npy::{self, IntegerType};
 use super::obj::shortened;
+use super::output;
 use super::ply::{VertexColumn, read_vertex_columns};
 use super::ply_write::{PropertyValues, VertexProperty, write_ply_with};
+use super::table::{Dialect, Table};
+use super::table_dialect::TableWriter;
 use super::vertex_colors::Colors;
-use super::{npy, output, source};
 use crate::geometry::Mesh;
 use crate::{Error, Result};
 
@@ -17,13 +21,43 @@ const GEOMETRY: [&str; 12] = ["x", "y", "z", "nx", "ny", "nz", "s", "t", "u", "v
 const COLORS: [&str; 4] = ["red", "green", "blue", "alpha"];
 /// Columns of our own tables that are no data.
 const OWN: [&str; 2] = ["status", "confidence"];
+/// Names of the column that gives the vertex of a row.
+const INDEX: [&str; 2] = ["index", "vertex"];
 
 /// Rows of numbers, one a vertex.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AttributeTable {
-    /// Names of the columns.
+    /// Names of the columns of numbers.
     pub columns: Vec<String>,
     /// Row after row.
+    pub values: Vec<f64>,
+    /// Columns of text.
+    pub texts: Vec<TextColumn>,
+    /// How the file stores it, which what is written in answer follows if it can.
+    pub storage: Storage,
+    /// What was passed over or assumed; one sentence each.
+    pub notes: Vec<String>,
+}
+
+/// How a file stores a table.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Storage {
+    /// How text is written.
+    pub dialect: Dialect,
+    /// The whole numbers of a NumPy array.
+    pub integers: Option<IntegerType>,
+}
+
+/// A column of text, such as names of parts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TextColumn {
+    /// Its name.
+    pub name: String,
+    /// How many columns of numbers stand before it.
+    pub place: usize,
+    /// The different texts, in the order in which they come.
+    pub words: Vec<String>,
+    /// The number of each vertex' text among them; NaN for none.
     pub values: Vec<f64>,
 }
 
@@ -79,8 +113,8 @@ pub fn check_attribute_extension(path: impl AsRef<Path>) -> Result<()> {
 
 /// Reads data of vertices, a row for each.
 ///
-/// CSV: numbers separated by commas, with or without a header line; a first column named `index` or `vertex` gives the vertex of a row;
-/// `status` and `confidence` are passed over. NPY: a matrix, or an array for one column. PLY: scalar properties of the vertices.
+/// CSV: a [`Table`] of numbers, with or without a header line; a column named `index` or `vertex` gives the vertex of a row; `status` and
+/// `confidence` are passed over; columns without any number are texts. NPY: a matrix, or an array for one column. PLY: scalar properties of the vertices.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Format`] naming the line: a cell that is no number, rows of different lengths, a vertex twice or left out, a
@@ -88,21 +122,27 @@ pub fn check_attribute_extension(path: impl AsRef<Path>) -> Result<()> {
 pub fn read_attributes(path: impl AsRef<Path>, columns: &Columns) -> Result<AttributeTable> {
     let path = path.as_ref();
     match Format::of(path)? {
-        Format::Csv => select(parse_csv(&source::read_text(path)?, path)?, columns, path),
+        Format::Csv => from_table(Table::read(path)?, columns),
         Format::Npy => {
-            let (count, values) = npy::read_npy(path)?;
-            select(AttributeTable { columns: numbered(count), values }, columns, path)
+            let matrix = npy::read_npy(path)?;
+            let storage = Storage { integers: matrix.integers, ..Storage::default() };
+            let table = AttributeTable {
+                columns: numbered(matrix.columns),
+                values: matrix.values,
+                storage,
+                ..AttributeTable::default()
+            };
+            select(table, columns, path)
         }
         Format::Ply => read_ply_table(path, columns),
     }
 }
 
-/// Reads the colours of the vertices of a file, 0..1, as columns `red`, `green`, `blue` and, if there is one, `alpha`, and what
-/// was decided on the way. PLY files need no faces. Of tables of numbers all columns are taken.
+/// Reads the colours of the vertices of a file, 0..1, as columns `red`, `green`, `blue` and, if there is one, `alpha`. PLY files need no faces. Of tables of numbers all columns are taken.
 ///
 /// # Errors
 /// As [`read_attributes`] and [`super::read_mesh`]; [`Error::Format`] where vertices have no colours.
-pub fn read_colors(path: impl AsRef<Path>) -> Result<(AttributeTable, Vec<String>)> {
+pub fn read_colors(path: impl AsRef<Path>) -> Result<AttributeTable> {
     let path = path.as_ref();
     let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
     let missing = || {
@@ -118,10 +158,11 @@ pub fn read_colors(path: impl AsRef<Path>) -> Result<(AttributeTable, Vec<String
             let values = loaded.mesh.colors.iter().flat_map(|c| c[..channels].iter().map(|&x| f64::from(x))).collect();
             Some(Colors { channels, values, note: None }).filter(|c| !c.values.is_empty()).ok_or_else(missing)?
         }
-        _ => return Ok((read_attributes(path, &Columns::Data)?, Vec::new())),
+        _ => return read_attributes(path, &Columns::Data),
     };
     let columns = COLORS[..colors.channels].iter().map(|n| (*n).to_owned()).collect();
-    Ok((AttributeTable { columns, values: colors.values }, colors.note.into_iter().collect()))
+    let notes = colors.note.into_iter().collect();
+    Ok(AttributeTable { columns, values: colors.values, notes, ..AttributeTable::default() })
 }
 
 fn numbered(count: usize) -> Vec<String> {
@@ -148,7 +189,7 @@ fn read_ply_table(path: &Path, columns: &Columns) -> Result<AttributeTable> {
         return Err(Error::format(path, None, what, "Name the properties to take with --columns"));
     }
     let values = (0..rows).flat_map(|r| found.iter().map(move |c| c.values[r])).collect();
-    Ok(AttributeTable { columns: names, values })
+    Ok(AttributeTable { columns: names, values, ..AttributeTable::default() })
 }
 
 fn missing<'a>(path: &Path, name: &str, there: impl Iterator<Item = &'a String>) -> Error {
@@ -166,65 +207,90 @@ fn select(table: AttributeTable, columns: &Columns, path: &Path) -> Result<Attri
     let places: Vec<usize> = names.iter().map(place).collect::<Result<_>>()?;
     let rows = table.values.chunks_exact(table.columns.len().max(1));
     let values = rows.flat_map(|row| places.iter().map(|&k| row[k])).collect();
-    Ok(AttributeTable { columns: names.clone(), values })
+    Ok(AttributeTable { columns: names.clone(), values, ..table })
 }
 
-/// Reads the text of a CSV file; `path` names it in messages.
-fn parse_csv(text: &str, path: &Path) -> Result<AttributeTable> {
+/// Takes the data out of a table of text.
+fn from_table(mut table: Table, columns: &Columns) -> Result<AttributeTable> {
     let remedy = "Write one row of numbers for each vertex, separated by commas";
-    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-    let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()).peekable();
-    let cells = |line: &'_ str| line.split(',').map(|c| c.trim().trim_matches('"').to_owned()).collect::<Vec<_>>();
-    let Some(&(_, first)) = lines.peek() else {
-        return Err(Error::format(path, None, "the file is empty", remedy));
+    table.lift_header(|t, row| (0..t.cells(row)).any(|c| !t.is_number(row, c)));
+    let width = table.width();
+    if width == 0 {
+        return Err(Error::format(table.path(), None, "the file is empty", remedy));
+    }
+    let names: Vec<String> =
+        table.names().map_or_else(|| numbered(width), |names| names.into_iter().map(str::to_owned).collect());
+    let is = |k: usize, among: &[&str]| among.iter().any(|n| names[k].eq_ignore_ascii_case(n));
+    let index = (0..width).find(|&k| is(k, &INDEX));
+    table.check_widths(remedy)?;
+    // A column without a name and without any content comes from separators at the ends of rows.
+    let blank = |k: usize| names[k].is_empty() && (0..table.len()).all(|r| table.cell(r, k).is_empty());
+    let data: Vec<usize> = match columns {
+        Columns::Named(wanted) => wanted
+            .iter()
+            .map(|name| table.column(name).ok_or_else(|| missing(table.path(), name, names.iter())))
+            .collect::<Result<_>>()?,
+        _ => (0..width).filter(|&k| Some(k) != index && !is(k, &OWN) && !blank(k)).collect(),
     };
-    let first = cells(first);
-    let header = first.iter().any(|c| c.parse::<f64>().is_err());
-    let names = if header { first } else { numbered(first.len()) };
-    if header {
-        lines.next();
-    }
-    let indexed = matches!(names[0].to_ascii_lowercase().as_str(), "index" | "vertex");
-    let data: Vec<usize> = (usize::from(indexed)..names.len()).filter(|&k| !OWN.contains(&names[k].as_str())).collect();
+    let (texts, numbers): (Vec<usize>, Vec<usize>) = data.iter().copied().partition(|&k| table.is_text(k));
     if data.is_empty() {
-        return Err(Error::format(path, Some(1), "there is no column of data", remedy));
+        return Err(Error::format(table.path(), Some(1), "there is no column of data", remedy));
     }
-    let mut rows: Vec<(u64, usize)> = Vec::new();
-    let mut values = Vec::new();
-    for (k, line) in lines {
-        let fail = |what: String| Error::format(path, Some(k + 1), what, remedy);
-        let cells = cells(line);
-        if cells.len() != names.len() {
-            return Err(fail(format!("{} cells of {}", cells.len(), names.len())));
-        }
-        if indexed {
-            let index = cells[0].parse().map_err(|_| fail(format!("{:?} is no vertex index", shortened(&cells[0]))))?;
-            rows.push((index, k + 1));
-        }
-        for &c in &data {
-            let cell = &cells[c];
-            values.push(cell.parse::<f64>().map_err(|_| fail(format!("{:?} is not a number", shortened(cell))))?);
+    table.settle_decimals(&numbers)?;
+    let order = match index {
+        Some(column) => vertex_order(&table, column)?,
+        None => (0..table.len()).collect(),
+    };
+    let mut values = Vec::with_capacity(order.len() * numbers.len());
+    for &row in &order {
+        for &column in &numbers {
+            let what = || format!("{:?} is not a number", shortened(table.cell(row, column)));
+            values.push(table.number(row, column).ok_or_else(|| table.fail(row, what(), remedy))?);
         }
     }
-    let columns: Vec<String> = data.iter().map(|&k| names[k].clone()).collect();
-    if indexed {
-        values = in_order(&rows, columns.len(), &values, path)?;
-    }
-    Ok(AttributeTable { columns, values })
+    let text = |&column: &usize| {
+        let place =
+            numbers.iter().filter(|k| data.iter().position(|d| d == *k) < data.iter().position(|d| *d == column));
+        text_column(&table, names[column].clone(), place.count(), column, &order)
+    };
+    Ok(AttributeTable {
+        columns: numbers.iter().map(|&k| names[k].clone()).collect(),
+        values,
+        texts: texts.iter().map(text).collect(),
+        storage: Storage { dialect: table.dialect(), integers: None },
+        notes: table.notes().to_vec(),
+    })
 }
 
-/// Rows in the order of their vertices; each from 0 on must be there once.
-fn in_order(rows: &[(u64, usize)], columns: usize, values: &[f64], path: &Path) -> Result<Vec<f64>> {
-    let mut place = vec![usize::MAX; rows.len()];
-    for (r, &(index, line)) in rows.iter().enumerate() {
-        let fail = |what: String| Error::format(path, Some(line), what, "Give each vertex from 0 on once");
+fn text_column(table: &Table, name: String, place: usize, column: usize, order: &[usize]) -> TextColumn {
+    let mut words = Vec::new();
+    let mut known: HashMap<&str, usize> = HashMap::new();
+    let mut number = |row: &usize| {
+        let word = table.cell(*row, column);
+        let count = known.len();
+        *known.entry(word).or_insert_with(|| {
+            words.push(word.to_owned());
+            count
+        }) as f64
+    };
+    let values = order.iter().map(&mut number).collect();
+    TextColumn { name, place, words, values }
+}
+
+/// The rows in the order of their vertices; each from 0 on must be there once.
+fn vertex_order(table: &Table, column: usize) -> Result<Vec<usize>> {
+    let mut place = vec![usize::MAX; table.len()];
+    for row in 0..table.len() {
+        let fail = |what: String| table.fail(row, what, "Give each vertex from 0 on once");
+        let cell = table.cell(row, column);
+        let index: u64 = cell.parse().map_err(|_| fail(format!("{:?} is no vertex index", shortened(cell))))?;
         match place.get_mut(usize::try_from(index).unwrap_or(usize::MAX)) {
-            None => return Err(fail(format!("vertex {index} in a table of {} rows", rows.len()))),
+            None => return Err(fail(format!("vertex {index} in a table of {} rows", table.len()))),
             Some(p) if *p != usize::MAX => return Err(fail(format!("vertex {index} comes twice"))),
-            Some(p) => *p = r,
+            Some(p) => *p = row,
         }
     }
-    Ok(place.iter().flat_map(|&r| &values[r * columns..(r + 1) * columns]).copied().collect())
+    Ok(place)
 }
 
 /// What is written of a vertex beside its data.
@@ -243,7 +309,8 @@ pub struct RowStatus {
 /// `confidence`; NPY the numbers alone.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Input`] if numbers of rows do not match, or a column's name is taken by the mesh in a PLY file.
+/// [`Error::Io`]; [`Error::Input`] if numbers of rows do not match, a column's name is taken by the mesh in a PLY file, or a number is none of the
+/// [whole numbers](Storage::integers) of an NPY file. Texts go into CSV alone.
 pub fn write_attributes(
     path: impl AsRef<Path>,
     mesh: &Mesh,
@@ -253,28 +320,56 @@ pub fn write_attributes(
 ) -> Result<()> {
     let path = path.as_ref();
     let n = table.columns.len();
-    if n == 0 || status.len() != mesh.vertex_count() || table.values.len() != n * status.len() {
-        let what = format!("{} numbers in {n} columns for {} vertices", table.values.len(), mesh.vertex_count());
+    let rows = mesh.vertex_count();
+    let texts_fit = table.texts.iter().all(|t| t.values.len() == rows);
+    if n + table.texts.len() == 0 || status.len() != rows || table.values.len() != n * rows || !texts_fit {
+        let what = format!("{} numbers in {n} columns for {rows} vertices", table.values.len());
         return Err(Error::input(what, "Give one row for each vertex"));
     }
-    match Format::of(path)? {
-        Format::Npy => npy::write_npy(path, n, &table.values),
-        Format::Csv => output::write_atomically(path, |w| {
-            let mut all = || {
-                writeln!(w, "index,{},status,confidence", table.columns.join(","))?;
-                for (v, (row, s)) in table.values.chunks_exact(n).zip(status).enumerate() {
-                    write!(w, "{v}")?;
-                    for x in row {
-                        if x.is_nan() { write!(w, ",")? } else { write!(w, ",{x}")? }
-                    }
-                    writeln!(w, ",{},{}", s.word, s.confidence)?;
-                }
-                Ok(())
-            };
-            all().map_err(output::failed(path))
-        }),
+    let format = Format::of(path)?;
+    if n == 0 && format != Format::Csv {
+        let what = format!("{}: there are texts only, which this format does not hold", path.display());
+        return Err(Error::input(what, "Write CSV"));
+    }
+    match format {
+        Format::Npy => match table.storage.integers {
+            Some(integers) => npy::write_npy_integers(path, n, &table.values, integers),
+            None => npy::write_npy(path, n, &table.values),
+        },
+        Format::Csv => output::write_atomically(path, |w| write_rows(w, table, status).map_err(output::failed(path))),
         Format::Ply => write_ply_table(path, mesh, table, status, style),
     }
+}
+
+fn write_rows(out: impl Write, table: &AttributeTable, status: &[RowStatus]) -> std::io::Result<()> {
+    let n = table.columns.len();
+    let mut w = TableWriter::new(out, table.storage.dialect, &[])?;
+    // Numbers and texts in the order of the file: those that stand before number `k`, and at last those behind all.
+    let texts = |k: usize| table.texts.iter().filter(move |t| t.place == k || (k == n && t.place > n));
+    w.text("index")?;
+    for k in 0..=n {
+        w.texts(texts(k).map(|t| t.name.as_str()).chain(table.columns.get(k).map(String::as_str)))?;
+    }
+    w.texts(["status", "confidence"])?;
+    w.end_row()?;
+    for (v, s) in status.iter().enumerate() {
+        w.number(format_args!("{v}"))?;
+        for k in 0..=n {
+            for text in texts(k) {
+                let word = text.values[v];
+                w.text(if word >= 0.0 { text.words.get(word as usize).map_or("", String::as_str) } else { "" })?;
+            }
+            match table.values.get(n * v + k).filter(|_| k < n) {
+                Some(x) if x.is_nan() => w.text("")?,
+                Some(x) => w.number(format_args!("{x}"))?,
+                None => {}
+            }
+        }
+        w.text(s.word)?;
+        w.number(format_args!("{}", s.confidence))?;
+        w.end_row()?;
+    }
+    w.finish()
 }
 
 fn write_ply_table(
@@ -316,7 +411,7 @@ mod tests {
     use super::*;
 
     fn parse(text: &str) -> Result<AttributeTable> {
-        parse_csv(text, Path::new("a.csv"))
+        from_table(Table::parse_text(text, "a.csv").unwrap(), &Columns::Data)
     }
 
     #[test]
@@ -335,7 +430,8 @@ mod tests {
         for (text, words) in [
             ("", "empty"),
             ("a,b\n1,2\n3\n", "line 3: 1 cells of 2"),
-            ("a,b\n1,x\n", "\"x\" is not a number"),
+            ("a,b\n1,2\n1,x\n", "line 3: \"x\" is not a number"),
+            ("a;b\n1,5;2\n1;2.5\n", "line 3: \"2.5\" has a decimal point"),
             ("index,a\n0,1\n0,2\n", "vertex 0 comes twice"),
             ("index,a\n0,1\n7,2\n", "vertex 7 in a table of 2 rows"),
             ("index,a\n-1,1\n", "no vertex index"),
@@ -353,6 +449,7 @@ mod tests {
         let table = AttributeTable {
             columns: vec!["a".into(), "b".into()],
             values: vec![0.1, 1.0 / 3.0, -2.0, 1e300, 7.0, 0.0],
+            ..AttributeTable::default()
         };
         let status = [RowStatus { word: "valid", number: 2, confidence: 0.5 }; 3];
         let style = AttributeStyle { colors: false };
@@ -378,8 +475,11 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let mesh = Mesh::from_triangles("one", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
         let columns = ["red", "green", "blue"].map(str::to_owned).to_vec();
-        let table =
-            AttributeTable { columns, values: vec![0.0, 1.0, 128.0 / 255.0, 0.2, 0.4, 0.6, f64::NAN, 3.0, -1.0] };
+        let table = AttributeTable {
+            columns,
+            values: vec![0.0, 1.0, 128.0 / 255.0, 0.2, 0.4, 0.6, f64::NAN, 3.0, -1.0],
+            ..AttributeTable::default()
+        };
         let status = [RowStatus { word: "valid", number: 2, confidence: 1.0 }; 3];
         let path = dir.path().join("c.ply");
         write_attributes(&path, &mesh, &table, &status, AttributeStyle { colors: true }).unwrap();
@@ -388,5 +488,42 @@ mod tests {
         assert_eq!(back.values[..6], table.values[..6]);
         assert_eq!(back.values[6..], [0.0, 1.0, 0.0]);
         assert!(read_attributes(&path, &Columns::Data).unwrap_err().to_string().contains("no properties"));
+    }
+
+    #[test]
+    fn dialects_texts_and_whole_numbers_come_back() {
+        let dir = tempfile::tempdir().unwrap();
+        let mesh = Mesh::from_triangles("one", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
+        let status = [RowStatus { word: "valid", number: 2, confidence: 0.5 }; 3];
+        let style = AttributeStyle { colors: false };
+        // Columns in any order and case; the rows as well.
+        let given = "Part;Hüfte;VERTEX;Knie;Status\nleg;0,25;2;0,75;x\nfoot;1;0;0;y\nleg;0;1;1;z\n";
+        let table = parse(given).unwrap();
+        assert_eq!(
+            (table.columns.join(" "), &table.values[..]),
+            ("Hüfte Knie".into(), &[1.0, 0.0, 0.0, 1.0, 0.25, 0.75][..])
+        );
+        let text = &table.texts[0];
+        assert_eq!((text.place, text.words.join(" "), &text.values[..]), (0, "foot leg".into(), &[0.0, 1.0, 1.0][..]));
+        let path = dir.path().join("a.csv");
+        write_attributes(&path, &mesh, &table, &status, style).unwrap();
+        let written = std::fs::read_to_string(&path).unwrap();
+        let rows = "0;foot;1;0;valid;0,5\n1;leg;0;1;valid;0,5\n2;leg;0,25;0,75;valid;0,5\n";
+        assert_eq!(written, format!("index;Part;Hüfte;Knie;status;confidence\n{rows}"));
+        assert_eq!(read_attributes(&path, &Columns::Data).unwrap(), table);
+        let named = read_attributes(&path, &Columns::Named(vec!["knie".into(), "part".into()])).unwrap();
+        assert_eq!((named.columns.join(" "), named.texts[0].place), ("Knie".into(), 1));
+
+        let path = dir.path().join("a.npy");
+        let labels = AttributeTable {
+            columns: numbered(1),
+            values: vec![-7.0, 0.0, 9e15],
+            storage: Storage { integers: Some(IntegerType::I64), ..Storage::default() },
+            ..AttributeTable::default()
+        };
+        write_attributes(&path, &mesh, &labels, &status, style).unwrap();
+        assert_eq!(read_attributes(&path, &Columns::Data).unwrap(), labels);
+        let texts = AttributeTable { columns: Vec::new(), values: Vec::new(), ..table };
+        assert!(write_attributes(&path, &mesh, &texts, &status, style).unwrap_err().to_string().contains("texts only"));
     }
 }

@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
+use super::encoding;
 use super::obj::shortened;
 use super::ply::read_vertex_properties;
-use super::source;
+use super::table::Table;
 use crate::{Error, Result};
 
 /// Names under which programs store one number a vertex in PLY files.
@@ -16,8 +17,8 @@ const REMEDY: &str =
 
 /// Reads shares of `meshes` meshes (two or more) at `vertex_count` vertices: one entry a mesh, vertex by vertex, summing to one.
 ///
-/// A text file has a line for every vertex with the shares of the second mesh and, if there are more, of the following ones (from 0 to 1, separated by spaces
-/// or commas; `#` begins a comment). A PLY file has a vertex property `mask`, `weight`, `quality`, `scalar` or `value` with the share of the second mesh, or
+/// A text file has a line for every vertex with the shares of the second mesh and, if there are more, of the following ones (from 0 to 1, a
+/// [`Table`] without header; `#` begins a comment). A PLY file has a vertex property `mask`, `weight`, `quality`, `scalar` or `value` with the share of the second mesh, or
 /// vertex colours: for two meshes white is the second one, for three and four red, green and blue are the second, third and fourth.
 ///
 /// # Errors
@@ -50,23 +51,26 @@ pub fn read_mask(path: impl AsRef<Path>, vertex_count: usize, meshes: usize) -> 
 }
 
 fn from_text(path: &Path, others: usize) -> Result<Vec<f64>> {
-    let text = source::read_text(path)?;
-    let mut rows = Vec::new();
-    for (k, line) in text.lines().enumerate() {
-        let line = line.split('#').next().unwrap_or_default();
-        let before = rows.len();
-        for word in line.split([',', ' ', '\t', ';']).filter(|w| !w.trim().is_empty()) {
-            let number = word.trim().parse::<f64>().map_err(|_| {
-                Error::format(path, Some(k + 1), format!("{:?} is not a number", shortened(word)), REMEDY)
-            })?;
-            rows.push(number);
+    let text = encoding::read_text(path)?.text;
+    // A comment may stand behind numbers, too.
+    let bare: Vec<&str> = text.lines().map(|line| line.split('#').next().unwrap_or_default()).collect();
+    let mut table = Table::parse_text(&bare.join("\n"), path)?;
+    let columns: Vec<usize> = (0..others).collect();
+    for row in 0..table.len() {
+        let found = table.cells(row);
+        // The cell that is no number says more than the count.
+        if let Some(k) = (0..found).find(|&k| !table.is_number(row, k)) {
+            return Err(table.fail(row, format!("{:?} is not a number", shortened(table.cell(row, k))), REMEDY));
         }
-        let found = rows.len() - before;
-        if found != 0 && found != others {
-            return Err(Error::format(path, Some(k + 1), format!("{found} numbers instead of {others}"), REMEDY));
+        if found != others {
+            return Err(table.fail(row, format!("{found} numbers instead of {others}"), REMEDY));
         }
     }
-    Ok(rows)
+    table.settle_decimals(&columns)?;
+    Ok((0..table.len())
+        .flat_map(|r| columns.iter().map(move |&c| (r, c)))
+        .map(|(r, c)| table.number(r, c).unwrap_or(f64::NAN))
+        .collect())
 }
 
 fn from_ply(path: &Path, others: usize) -> Result<Vec<f64>> {
@@ -110,6 +114,10 @@ mod tests {
         std::fs::write(path("three.csv"), "0,0\n1,0\n0.25,0.5\n").unwrap();
         let three = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.25, 0.25, 0.5];
         assert_eq!(read_mask(path("three.csv"), 3, 3).unwrap(), three);
+        std::fs::write(path("german.csv"), "0;0\r\n1;0 # all\r\n0,25;0,5\r\n").unwrap();
+        assert_eq!(read_mask(path("german.csv"), 3, 3).unwrap(), three);
+        std::fs::write(path("blanks.txt"), "0  0\n1 0\n 0.25 0.5\n").unwrap();
+        assert_eq!(read_mask(path("blanks.txt"), 3, 3).unwrap(), three);
         let mesh = Mesh::from_triangles("t", vec![glam::DVec3::ZERO, glam::DVec3::X, glam::DVec3::Y], &[[0, 1, 2]]);
         write_ply(&mesh, Some(&[[0; 3], [255; 3], [51, 51, 51]]), path("m.ply")).unwrap();
         let near = |found: &[f64], expected: &[f64]| {

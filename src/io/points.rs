@@ -7,7 +7,8 @@ use glam::DVec3;
 
 use super::anchors::normalised;
 use super::obj::shortened;
-use super::{output, source};
+use super::output;
+use super::table::Table;
 use crate::geometry::{Mesh, SurfacePoint};
 use crate::{Error, Result};
 
@@ -27,109 +28,186 @@ pub struct MapRow {
 /// The first line of a map file.
 pub const MAP_HEADER: &str = "index,face,b0,b1,b2,x,y,z,status,confidence";
 
-/// Reads points of `mesh`: CSV with the header `face,b0,b1,b2`, one point a line.
+/// The header of a file of points.
+const POINT_HEADER: [&str; 4] = ["face", "b0", "b1", "b2"];
+
+/// A table of which some columns have been read; the others go into what is written in answer, in its dialect.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Answered {
+    table: Table,
+    /// The columns that have not been read.
+    others: Vec<usize>,
+}
+
+impl Answered {
+    fn new(table: Table, read: &[usize]) -> Self {
+        let others = (0..table.width()).filter(|c| !read.contains(c)).collect();
+        Self { table, others }
+    }
+
+    /// What was passed over or assumed; one sentence each.
+    pub fn notes(&self) -> &[String] {
+        self.table.notes()
+    }
+
+    /// The names of the columns that have not been read.
+    pub fn others(&self) -> Vec<String> {
+        let names = self.table.names().unwrap_or_default();
+        self.others.iter().map(|&c| names.get(c).map_or_else(|| format!("column {c}"), |n| (*n).to_owned())).collect()
+    }
+
+    /// Those names, changed where they are among `taken`.
+    fn titles(&self, taken: &[&str]) -> Vec<String> {
+        let is_taken = |n: &str| taken.iter().any(|t| t.eq_ignore_ascii_case(n));
+        self.others().into_iter().map(|n| if is_taken(&n) { format!("{n}_given") } else { n }).collect()
+    }
+
+    /// Writes a table with the columns `header`, filled by `row`, and behind them those that have not been read.
+    fn write<W: Write>(
+        &self,
+        out: W,
+        header: &[&str],
+        rows: usize,
+        mut row: impl FnMut(&mut super::table_dialect::TableWriter<W>, usize) -> std::io::Result<()>,
+    ) -> std::io::Result<()> {
+        let mut w = self.table.writer(out)?;
+        w.texts(header.iter().copied())?;
+        w.texts(self.titles(header).iter().map(String::as_str))?;
+        w.end_row()?;
+        for r in 0..rows {
+            row(&mut w, r)?;
+            w.texts(self.others.iter().map(|&c| self.table.raw(r, c)))?;
+            w.end_row()?;
+        }
+        w.finish()
+    }
+}
+
+/// Reads points of `mesh`: a [`Table`] with columns `face`, `b0`, `b1` and `b2`, whatever case and order, one point a row; and the table itself.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Format`] naming the line: another header, a face out of range, coordinates that are no point of the face.
-pub fn read_points(path: impl AsRef<Path>, mesh: &Mesh) -> Result<Vec<SurfacePoint>> {
-    let path = path.as_ref();
-    let text = source::read_text(path)?;
-    let mut lines = rows(&text);
-    let header = lines.next().map(|(_, cells)| cells.join(",")).unwrap_or_default();
-    if header != "face,b0,b1,b2" {
-        let what = format!("the header is {:?}", shortened(&header));
-        return Err(Error::format(path, Some(1), what, "Begin the file with the line face,b0,b1,b2"));
-    }
-    let point = |(line, cells): (usize, Vec<&str>)| {
-        let fail = |what: String| {
-            Error::format(path, Some(line), what, "Write face,b0,b1,b2: a face from 0 and three coordinates of sum 1")
-        };
-        let [face, a, b, c] = cells[..] else { return Err(fail(format!("{} cells of 4", cells.len()))) };
-        let face = face.parse::<u32>().map_err(|_| fail(format!("{:?} is not a face index", shortened(face))))?;
+pub fn read_points(path: impl AsRef<Path>, mesh: &Mesh) -> Result<(Vec<SurfacePoint>, Answered)> {
+    const REMEDY: &str = "Write face,b0,b1,b2: a face from 0 and three coordinates of sum 1";
+    let mut table = Table::read(path)?;
+    table.lift_header(|_, _| true);
+    let found: Vec<usize> = POINT_HEADER.iter().filter_map(|name| table.column(name)).collect();
+    let [face, a, b, c] = found[..] else { return Err(no_header(&table)) };
+    table.check_widths(REMEDY)?;
+    table.settle_decimals(&[a, b, c])?;
+    let point = |row: usize| {
+        let fail = |what: String| table.fail(row, what, REMEDY);
+        let cell = table.cell(row, face);
+        let face = cell.parse::<u32>().map_err(|_| fail(format!("{:?} is not a face index", shortened(cell))))?;
         if face as usize >= mesh.triangle_count() {
             return Err(fail(format!("face {face} of the {} of {}", mesh.triangle_count(), mesh.name)));
         }
-        let number =
-            |cell: &str| cell.parse::<f64>().map_err(|_| fail(format!("{:?} is not a number", shortened(cell))));
+        let number = |column: usize| {
+            let what = || format!("{:?} is not a number", shortened(table.cell(row, column)));
+            table.number(row, column).ok_or_else(|| fail(what()))
+        };
         Ok(SurfacePoint::new(face, normalised([number(a)?, number(b)?, number(c)?]).map_err(fail)?))
     };
-    lines.map(point).collect()
+    let points = (0..table.len()).map(point).collect::<Result<_>>()?;
+    Ok((points, Answered::new(table, &found)))
 }
 
-/// Writes points as [`read_points`] reads them, with round-trip precision.
+fn no_header(table: &Table) -> Error {
+    let what = format!("the header is {:?}", shortened(&table.names().unwrap_or_default().join(",")));
+    Error::format(table.path(), Some(1), what, "Begin the file with the line face,b0,b1,b2")
+}
+
+/// Writes points as [`read_points`] reads them, with round-trip precision; `answered` is the table that they answer, or an empty one.
 ///
 /// # Errors
-/// [`Error::Io`].
-pub fn write_points(path: impl AsRef<Path>, points: &[SurfacePoint]) -> Result<()> {
+/// [`Error::Io`]; [`Error::Input`] if they are not as many as its rows.
+pub fn write_points(path: impl AsRef<Path>, points: &[SurfacePoint], answered: &Answered) -> Result<()> {
     let path = path.as_ref();
+    answered.check(points.len())?;
     output::write_atomically(path, |w| {
-        let mut all = || {
-            writeln!(w, "face,b0,b1,b2")?;
-            points.iter().try_for_each(|p| {
-                let [a, b, c] = p.barycentric;
-                writeln!(w, "{},{a:?},{b:?},{c:?}", p.face)
-            })
-        };
-        all().map_err(output::failed(path))
+        let all = answered.write(w, &POINT_HEADER, points.len(), |w, r| {
+            let SurfacePoint { face, barycentric } = points[r];
+            w.number(format_args!("{face}"))?;
+            barycentric.iter().try_for_each(|b| w.number(format_args!("{b:?}")))
+        });
+        all.map_err(output::failed(path))
     })
 }
 
-/// Writes a map with the header [`MAP_HEADER`]; the cells of a row without a point are empty.
+/// Writes a map with the header [`MAP_HEADER`]; the cells of a row without a point are empty. `answered` is the table of the points, or an empty one.
 ///
 /// # Errors
-/// [`Error::Io`].
-pub fn write_map(path: impl AsRef<Path>, rows: impl IntoIterator<Item = MapRow>) -> Result<()> {
+/// [`Error::Io`]; [`Error::Input`] if there are not as many rows as in the table.
+pub fn write_map(path: impl AsRef<Path>, rows: &[MapRow], answered: &Answered) -> Result<()> {
     let path = path.as_ref();
+    answered.check(rows.len())?;
+    let header: Vec<&str> = MAP_HEADER.split(',').collect();
     output::write_atomically(path, |w| {
-        let all = || {
-            writeln!(w, "{MAP_HEADER}")?;
-            rows.into_iter().try_for_each(|MapRow { index, point, status, confidence }| match point {
-                Some((SurfacePoint { face, barycentric: [a, b, c] }, p)) => {
-                    let DVec3 { x, y, z } = p;
-                    writeln!(w, "{index},{face},{a:?},{b:?},{c:?},{x:?},{y:?},{z:?},{status},{confidence:?}")
+        let all = answered.write(w, &header, rows.len(), |w, r| {
+            let MapRow { index, point, status, confidence } = rows[r];
+            w.number(format_args!("{index}"))?;
+            match point {
+                Some((SurfacePoint { face, barycentric }, p)) => {
+                    w.number(format_args!("{face}"))?;
+                    barycentric.iter().chain(&p.to_array()).try_for_each(|x| w.number(format_args!("{x:?}")))?;
                 }
-                None => writeln!(w, "{index},,,,,,,,{status},{confidence:?}"),
-            })
-        };
-        all().map_err(output::failed(path))
+                None => w.texts([""; 7])?,
+            }
+            w.text(status)?;
+            w.number(format_args!("{confidence:?}"))
+        });
+        all.map_err(output::failed(path))
     })
 }
 
-/// Reads weights: CSV with one query a line and `anchors` weights on each, with or without a header line of words.
+impl Answered {
+    fn check(&self, rows: usize) -> Result<()> {
+        if self.table.width() > 0 && self.table.len() != rows {
+            let what = format!("{rows} rows in answer to {}", self.table.len());
+            return Err(Error::input(what, "Give one for each row"));
+        }
+        Ok(())
+    }
+}
+
+/// Reads weights: a [`Table`] with one query a row and `anchors` columns of numbers, with or without a header; and the table itself, whose
+/// columns of text are no weights.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Format`] naming the line: another number of weights, one that is not a finite number, no weights at all.
-pub fn read_weights(path: impl AsRef<Path>, anchors: usize) -> Result<Vec<Vec<f64>>> {
-    let path = path.as_ref();
-    let text = source::read_text(path)?;
-    let mut weights = Vec::new();
-    for (k, (line, cells)) in rows(&text).enumerate() {
-        // A header has no number at all, which tells it from a row with a mistake.
-        if k == 0 && cells.iter().all(|c| c.parse::<f64>().is_err()) {
-            continue;
-        }
-        if cells.len() != anchors {
-            let what = format!("{} weights for {anchors} anchors", cells.len());
-            return Err(Error::format(path, Some(line), what, "Write one weight for each anchor on every line"));
-        }
-        let number = |cell: &&str| {
-            cell.parse::<f64>().ok().filter(|x| x.is_finite()).ok_or_else(|| {
-                let what = format!("{:?} is not a finite number", shortened(cell));
-                Error::format(path, Some(line), what, "Write decimal numbers with a point")
-            })
-        };
-        weights.push(cells.iter().map(number).collect::<Result<Vec<f64>>>()?);
+pub fn read_weights(path: impl AsRef<Path>, anchors: usize) -> Result<(Vec<Vec<f64>>, Answered)> {
+    let mut table = Table::read(path)?;
+    // A header has no number at all, which tells it from a row with a mistake.
+    table.lift_header(|t, row| (0..t.cells(row)).all(|c| !t.is_number(row, c)));
+    if table.is_empty() {
+        return Err(Error::format(
+            table.path(),
+            None,
+            "there are no weights",
+            "Write one line of weights for each query",
+        ));
     }
-    if weights.is_empty() {
-        return Err(Error::format(path, None, "there are no weights", "Write one line of weights for each query"));
+    let all = 0..table.width();
+    let columns: Vec<usize> =
+        if all.len() > anchors { all.filter(|&c| !table.is_text(c)).collect() } else { all.collect() };
+    let width = table.width();
+    for row in 0..table.len() {
+        if columns.len() != anchors || table.cells(row) != width {
+            let what = format!("{} weights for {anchors} anchors", table.cells(row) + columns.len() - width);
+            return Err(table.fail(row, what, "Write one weight for each anchor on every line"));
+        }
     }
-    Ok(weights)
-}
-
-/// The cells of lines that are not empty, with 1-based line numbers.
-fn rows(text: &str) -> impl Iterator<Item = (usize, Vec<&str>)> {
-    let lines = text.lines().enumerate().map(|(k, line)| (k + 1, line.trim())).filter(|(_, line)| !line.is_empty());
-    lines.map(|(k, line)| (k, line.split(',').map(str::trim).collect()))
+    table.settle_decimals(&columns)?;
+    let number = |row: usize, column: usize| {
+        table.number(row, column).filter(|x| x.is_finite()).ok_or_else(|| {
+            let what = format!("{:?} is not a finite number", shortened(table.cell(row, column)));
+            table.fail(row, what, "Write decimal numbers")
+        })
+    };
+    let weights = (0..table.len())
+        .map(|r| columns.iter().map(|&c| number(r, c)).collect::<Result<Vec<f64>>>())
+        .collect::<Result<_>>()?;
+    Ok((weights, Answered::new(table, &columns)))
 }
 
 #[cfg(test)]
@@ -142,8 +220,8 @@ mod tests {
         let path = dir.path().join("p.csv");
         let mesh = Mesh::from_triangles("m", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
         let points = [SurfacePoint::new(0, [0.1, 0.2, 0.7]), SurfacePoint::new(0, [1.0, 0.0, 0.0])];
-        write_points(&path, &points).unwrap();
-        let back = read_points(&path, &mesh).unwrap();
+        write_points(&path, &points, &Answered::default()).unwrap();
+        let back = read_points(&path, &mesh).unwrap().0;
         assert!((back[0].barycentric[2] - 0.7).abs() < 1e-15 && back[1] == points[1]);
         for (text, expected) in [
             ("", "header"),
@@ -160,7 +238,8 @@ mod tests {
         }
         let row =
             MapRow { index: 3, point: Some((points[1], DVec3::new(0.1, 2.0, 1e-9))), status: "valid", confidence: 0.5 };
-        write_map(&path, [row, MapRow { index: 4, point: None, status: "failed", confidence: 0.0 }]).unwrap();
+        let rows = [row, MapRow { index: 4, point: None, status: "failed", confidence: 0.0 }];
+        write_map(&path, &rows, &Answered::default()).unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
         assert_eq!(text, format!("{MAP_HEADER}\n3,0,1.0,0.0,0.0,0.1,2.0,1e-9,valid,0.5\n4,,,,,,,,failed,0.0\n"));
         assert!(text.lines().all(|line| line.split(',').count() == 10));
@@ -170,9 +249,15 @@ mod tests {
     fn weights_with_and_without_header() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("w.csv");
-        for text in ["0.5,0.5\n1,0\n", "a, b\r\n0.5 ,0.5\r\n\r\n1,0"] {
+        for text in [
+            "0.5,0.5\n1,0\n",
+            "a, b\r\n0.5 ,0.5\r\n\r\n1,0",
+            "0,5;0,5\n1;0\n",
+            "0.5 0.5\n1 0\n",
+            "a,name,b\n0.5,p,0.5\n1,q,0\n",
+        ] {
             std::fs::write(&path, text).unwrap();
-            assert_eq!(read_weights(&path, 2).unwrap(), [[0.5, 0.5], [1.0, 0.0]]);
+            assert_eq!(read_weights(&path, 2).unwrap().0, [[0.5, 0.5], [1.0, 0.0]]);
         }
         for (text, expected) in [
             ("1,2,3\n", "3 weights for 2"),
@@ -185,5 +270,29 @@ mod tests {
             let message = read_weights(&path, 2).unwrap_err().to_string();
             assert!(message.contains(expected), "{text:?}: {message}");
         }
+    }
+
+    #[test]
+    fn other_columns_go_into_the_answer() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("p.csv");
+        let mesh = Mesh::from_triangles("m", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
+        std::fs::write(&path, "Name;B2;b1;B0;FACE;x\nknee;0,25;0,5;0,25;0;7\n\"a;b\";0;1;0;0;8\n").unwrap();
+        let (points, answered) = read_points(&path, &mesh).unwrap();
+        assert_eq!(points, [SurfacePoint::new(0, [0.25, 0.5, 0.25]), SurfacePoint::new(0, [0.0, 1.0, 0.0])]);
+        assert_eq!(answered.others(), ["Name", "x"]);
+        let row = |k: usize| MapRow {
+            index: k as u64,
+            point: (k == 0).then(|| (points[0], DVec3::new(1.5, 2.0, 3.0))),
+            status: "valid",
+            confidence: 0.5,
+        };
+        write_map(&path, &[row(0), row(1)], &answered).unwrap();
+        let header = MAP_HEADER.replace(',', ";");
+        let body = "0;0;0,25;0,5;0,25;1,5;2,0;3,0;valid;0,5;knee;7\n1;;;;;;;;valid;0,5;\"a;b\";8\n";
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), format!("{header};Name;x_given\n{body}"));
+        write_points(&path, &points, &answered).unwrap();
+        assert_eq!(read_points(&path, &mesh).unwrap().0, points);
+        assert!(write_points(&path, &points[..1], &answered).is_err());
     }
 }

@@ -2,14 +2,14 @@
 
 use std::ops::Range;
 use std::path::Path;
-use std::str::FromStr;
 
-use glam::{DMat2, DVec2};
+use glam::DVec2;
 use roxmltree::{Attribute, Document, Node, ParsingOptions};
 
 use super::obj::shortened;
 use super::outline::{MappedShape, Part, Shape};
 use super::svg_path::{parse_path, parse_points, write_path, write_points};
+use super::svg_transform::{Affine, length, own};
 use super::{output, source};
 use crate::{Error, Result};
 
@@ -20,7 +20,7 @@ const MOST_NODES: u32 = 1 << 24;
 const ELSEWHERE: [&str; 7] = ["defs", "clipPath", "mask", "pattern", "marker", "symbol", "svg"];
 
 /// An SVG document: paths, polylines, polygons, lines, rectangles, circles and ellipses are outlines, in the coordinates of the
-/// document (transforms are applied, and undone in what is written).
+/// document (transforms, as attributes and in `style`, are applied, and undone in what is written).
 #[derive(Clone, Debug)]
 pub struct Svg {
     text: String,
@@ -33,8 +33,7 @@ pub struct Svg {
 struct Element {
     name: String,
     /// From the element's coordinates to the document's.
-    linear: DMat2,
-    shift: DVec2,
+    placed: Affine,
     /// In the document's coordinates.
     parts: Vec<Part>,
     edit: Edit,
@@ -84,7 +83,8 @@ impl Svg {
                 Error::format(name, Some(line), what, "Mend it, or save the drawing again")
             };
             let mut elements = Vec::new();
-            let (mut elsewhere, mut lengths) = (0, 0);
+            let view = view_size(document.root_element());
+            let (mut elsewhere, mut lengths, mut unplaced) = (0, 0, 0);
             for node in document.descendants().filter(Node::is_element) {
                 let Some(kind) = Kind::of(node) else { continue };
                 if node
@@ -95,10 +95,11 @@ impl Svg {
                     elsewhere += 1;
                     continue;
                 }
-                match element(&text, node, kind).map_err(|what| fail(node, what))? {
+                match element(&text, node, kind, view).map_err(|what| fail(node, what))? {
                     Found::Element(element) => elements.push(element),
                     Found::Nothing => {}
                     Found::Length => lengths += 1,
+                    Found::Unplaced => unplaced += 1,
                 }
             }
             let mut warnings = Vec::new();
@@ -108,7 +109,20 @@ impl Svg {
                 ));
             }
             if lengths > 0 {
-                warnings.push(format!("{lengths} shapes whose lengths have units or per cents, or whose transform flattens, stay as they are"));
+                warnings.push(format!("{lengths} shapes whose lengths are relative (em, per cents), or whose transform flattens, stay as they are"));
+            }
+            if unplaced > 0 {
+                let why = "whose transform depends on their own boxes or fonts, or is not of the plane,";
+                warnings.push(format!(
+                    "{unplaced} outlines {why} stay as they are: save the drawing with its transforms applied"
+                ));
+            }
+            let sheets = document.descendants().filter(|n| n.tag_name().name() == "style");
+            if sheets.filter_map(|n| n.text()).any(|t| t.contains("transform")) {
+                warnings.push(
+                    "a style sheet has transforms, which are not applied: save the drawing with its transforms applied"
+                        .to_owned(),
+                );
             }
             let untouched = |tag: &str| document.descendants().filter(|n| n.tag_name().name() == tag).count();
             for tag in ["text", "image", "use", "foreignObject"] {
@@ -231,6 +245,8 @@ enum Found {
     Nothing,
     /// Its lengths depend on more than the document's coordinates.
     Length,
+    /// Its transform does.
+    Unplaced,
 }
 
 fn describe(node: Node<'_, '_>) -> String {
@@ -240,7 +256,7 @@ fn describe(node: Node<'_, '_>) -> String {
     }
 }
 
-fn element(text: &str, node: Node<'_, '_>, kind: Kind) -> std::result::Result<Found, String> {
+fn element(text: &str, node: Node<'_, '_>, kind: Kind, view: Option<DVec2>) -> std::result::Result<Found, String> {
     let attribute = |name: &str| node.attributes().find(|a| a.name() == name && a.namespace().is_none());
     let (parts, edit) = match kind {
         Kind::Path => {
@@ -256,9 +272,9 @@ fn element(text: &str, node: Node<'_, '_>, kind: Kind) -> std::result::Result<Fo
             let mut values = [None; 6];
             for (value, name) in values.iter_mut().zip(basic.attributes()) {
                 if let Some(a) = attribute(name) {
-                    match a.value().trim().trim_end_matches("px").parse::<f64>() {
-                        Ok(v) if v.is_finite() => *value = Some(v),
-                        _ => return Ok(Found::Length),
+                    match length(a.value()) {
+                        Some(v) => *value = Some(v),
+                        None => return Ok(Found::Length),
                     }
                 }
             }
@@ -276,7 +292,8 @@ fn element(text: &str, node: Node<'_, '_>, kind: Kind) -> std::result::Result<Fo
     if parts.is_empty() {
         return Ok(Found::Nothing);
     }
-    let (linear, shift) = transform(node)?;
+    let Some(placed) = placement(node, view)? else { return Ok(Found::Unplaced) };
+    let Affine { linear, shift } = placed;
     let size = linear.x_axis.length() * linear.y_axis.length();
     if !(linear.determinant().abs() > 1e-12 * size) || !shift.is_finite() || !size.is_finite() {
         return Ok(Found::Length);
@@ -290,7 +307,7 @@ fn element(text: &str, node: Node<'_, '_>, kind: Kind) -> std::result::Result<Fo
             closed: p.closed,
         })
         .collect();
-    Ok(Found::Element(Element { name: describe(node), linear, shift, parts, edit }))
+    Ok(Found::Element(Element { name: describe(node), placed, parts, edit }))
 }
 
 /// Path data of a basic shape; `None` if it draws nothing.
@@ -336,18 +353,30 @@ fn outline_of(kind: Kind, v: [Option<f64>; 6]) -> Option<String> {
     }
 }
 
-/// The transforms of an element and all around it.
-fn transform(node: Node<'_, '_>) -> std::result::Result<(DMat2, DVec2), String> {
-    let (mut linear, mut shift) = (DMat2::IDENTITY, DVec2::ZERO);
+/// The transforms of an element and all around it; `None` if one depends on more than the drawing's coordinates.
+fn placement(node: Node<'_, '_>, view: Option<DVec2>) -> std::result::Result<Option<Affine>, String> {
+    let mut all = Affine::IDENTITY;
     for ancestor in node.ancestors().filter(Node::is_element) {
-        let Some(text) = ancestor.attribute("transform") else { continue };
-        let t = svgtypes::Transform::from_str(text)
-            .map_err(|e| format!("the transform {:?} has a mistake: {e}", shortened(text)))?;
-        let outer = DMat2::from_cols(DVec2::new(t.a, t.b), DVec2::new(t.c, t.d));
-        shift = outer * shift + DVec2::new(t.e, t.f);
-        linear = outer * linear;
+        match own(ancestor, view)? {
+            Ok(outer) => all = outer.after(all),
+            Err(_) => return Ok(None),
+        }
     }
-    Ok((linear, shift))
+    Ok(Some(all))
+}
+
+/// The size of the drawing in its own coordinates, which per cents refer to.
+fn view_size(root: Node<'_, '_>) -> Option<DVec2> {
+    let size = match root.attribute("viewBox") {
+        Some(text) => {
+            let words = text.split([',', ' ', '\t', '\n', '\r']).filter(|w| !w.is_empty());
+            let numbers: Vec<f64> = words.map(|w| w.parse().ok()).collect::<Option<_>>()?;
+            let [_, _, width, height] = numbers[..] else { return None };
+            DVec2::new(width, height)
+        }
+        None => DVec2::new(length(root.attribute("width")?)?, length(root.attribute("height")?)?),
+    };
+    size.is_finite().then_some(size)
 }
 
 /// The text between the quotes of an attribute.
@@ -381,11 +410,11 @@ fn tag_names(text: &str, node: Node<'_, '_>) -> std::result::Result<Vec<Range<us
 
 impl Element {
     fn edits(&self, image: &MappedShape, edits: &mut Vec<(Range<usize>, String)>) {
-        let back = self.linear.inverse();
+        let back = self.placed.linear.inverse();
         let mut parts = image.clone();
         let mut largest = 0.0_f64;
         for vertex in parts.iter_mut().flatten() {
-            vertex.point = back * (vertex.point - self.shift);
+            vertex.point = back * (vertex.point - self.placed.shift);
             largest = largest.max(vertex.point.abs().max_element());
         }
         // Ten digits in all: a millionth of a pixel in a drawing of thousands of them.

@@ -87,6 +87,54 @@ fn circles_are_round_under_transforms() {
 }
 
 #[test]
+fn transforms_in_styles_are_applied() {
+    let drawing = |group: &str, shape: &str| {
+        format!("<svg viewBox='0 0 200 100'><g {group}><path id='p' {shape} d='M1 2 L3 4'/></g></svg>")
+    };
+    let attribute = drawing("transform='translate(5 6)'", "transform='rotate(30 100 50) scale(2)'");
+    let expected = Svg::parse(attribute, "d").unwrap().shapes();
+    for (group, shape) in [
+        ("style='transform:translate(5px,6px)'", "transform='rotate(30 100 50) scale(2)'"),
+        (
+            "style='translate:5px 6px'",
+            "style='transform:translate(100px,50px) rotate(30deg) translate(-100px,-50px) scale(2)'",
+        ),
+        (
+            "transform='translate(1)' style='fill:red;transform:translate(5px,6px)'",
+            "transform='translate(100 50) rotate(30) translate(-100 -50) scale(2)'",
+        ),
+    ] {
+        let svg = Svg::parse(drawing(group, shape), "d").unwrap();
+        let shapes = svg.shapes();
+        assert!(shapes[0].parts[0].start.distance(expected[0].parts[0].start) < 1e-9, "{group} {shape}: {shapes:?}");
+        assert_eq!(svg.warnings(), [""; 0]);
+        // What is written lies where the map puts it, the transform staying as it was.
+        let moved = svg.replaced(&mapped(&shapes, |p| p + DVec2::new(3.0, -2.0)));
+        assert!(moved.contains(group) && moved.contains(shape));
+        let again = Svg::parse(moved, "d").unwrap().shapes();
+        assert!(again[0].parts[0].start.distance(expected[0].parts[0].start + DVec2::new(3.0, -2.0)) < 1e-6);
+    }
+    // About the middle of the drawing.
+    let centred = "style='transform:rotate(90deg);transform-origin:center'";
+    let start = Svg::parse(drawing("", centred), "d").unwrap().shapes()[0].parts[0].start;
+    assert!(start.distance(DVec2::new(100.0 + 48.0, 50.0 - 99.0)) < 1e-9, "{start}");
+    let boxed = "style='transform:rotate(90deg);transform-box:fill-box;transform-origin:center'";
+    let svg = Svg::parse(drawing("", boxed), "d").unwrap();
+    assert!(
+        svg.shapes().is_empty() && svg.warnings()[0].contains("1 outlines whose transform"),
+        "{:?}",
+        svg.warnings()
+    );
+    let sheet = "<svg><style>.a{transform:scale(2)}</style><path class='a' d='M1 2 L3 4'/></svg>";
+    assert!(Svg::parse(sheet.into(), "d").unwrap().warnings()[0].contains("style sheet has transforms"));
+    // Absolute units of lengths.
+    let units = "<svg><rect x='1in' y='25.4mm' width='72pt' height='6pc'/></svg>";
+    let shapes = Svg::parse(units.into(), "d").unwrap().shapes();
+    assert!(shapes[0].parts[0].start.distance(DVec2::splat(96.0)) < 1e-9);
+    assert!(shapes[0].parts[0].segments[1].end().distance(DVec2::splat(192.0)) < 1e-9);
+}
+
+#[test]
 fn mistakes_name_the_line() {
     for (text, expected) in [
         ("", "not XML"),

@@ -1,15 +1,16 @@
 //! Lists of targets with their anchors, for work on many of them: a folder, or a list in JSON or CSV.
 //!
 //! In a folder each mesh `NAME.obj` (or `.ply`, `.off`, `.gltf`, `.glb`) has its anchors beside it, `NAME.json` or `NAME.txt`. A list in JSON is
-//! `[{"target": "a.obj", "anchors": "a.json", "name": "a"}, ...]`, also under the key `items`; one in CSV has the header `target,anchors` or
-//! `target,anchors,name`. Paths are relative to the list. Without a name the target's own is taken, less its extension.
+//! `[{"target": "a.obj", "anchors": "a.json", "name": "a"}, ...]`, also under the key `items`; one in CSV (a [`Table`]) has columns `target`, `anchors` and,
+//! if wanted, `name`. Paths are relative to the list. Without a name the target's own is taken, less its extension.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::{by_extension, source};
+use super::table::Table;
+use super::{by_extension, encoding};
 use crate::{Error, Result};
 
 /// One target of a list.
@@ -77,9 +78,13 @@ fn folder(path: &Path, except: Option<&Path>) -> Result<Vec<TargetItem>> {
 }
 
 fn list(path: &Path) -> Result<Vec<TargetItem>> {
-    let text = source::read_text(path)?;
+    let text = encoding::read_text(path)?.text;
     let base = path.parent().unwrap_or(Path::new(""));
-    let rows = if text.trim_start().starts_with(['{', '[']) { json_rows(&text, path)? } else { csv_rows(&text, path)? };
+    let rows = if text.trim_start().starts_with(['{', '[']) {
+        json_rows(&text, path)?
+    } else {
+        table_rows(Table::parse_text(&text, path)?)?
+    };
     let item = |(k, row): (usize, std::result::Result<Row, String>)| match row {
         Err(what) => named(format!("item_{k}"), Err(format!("{}, item {k}: {what}", path.display()))),
         Ok(row) => {
@@ -126,28 +131,25 @@ fn json_rows(text: &str, path: &Path) -> Result<Vec<std::result::Result<Row, Str
     Ok(items.iter().map(row).collect())
 }
 
-fn csv_rows(text: &str, path: &Path) -> Result<Vec<std::result::Result<Row, String>>> {
-    let cells = |line: &str| line.split(',').map(|c| c.trim().to_owned()).collect::<Vec<_>>();
-    let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
-    let header = lines.next().map(|(_, line)| cells(line)).unwrap_or_default();
-    let column = |name: &str| header.iter().position(|c| c == name);
-    let (Some(target), Some(anchors)) = (column("target"), column("anchors")) else {
+fn table_rows(mut table: Table) -> Result<Vec<std::result::Result<Row, String>>> {
+    table.lift_header(|_, _| true);
+    let (Some(target), Some(anchors)) = (table.column("target"), table.column("anchors")) else {
         let remedy = "Begin it with target,anchors or target,anchors,name (a list may also be JSON)";
-        return Err(Error::format(path, Some(1), "the header has no columns target and anchors", remedy));
+        return Err(Error::format(table.path(), Some(1), "the header has no columns target and anchors", remedy));
     };
-    let name = column("name");
-    let row = |(k, line): (usize, &str)| {
-        let cells = cells(line);
-        if cells.len() != header.len() {
-            return Err(format!("line {}: {} cells of {}", k + 1, cells.len(), header.len()));
+    let name = table.column("name");
+    let row = |r: usize| {
+        let (line, count, width) = (table.line(r), table.cells(r), table.width());
+        if count != width {
+            return Err(format!("line {line}: {count} cells of {width}"));
         }
-        if cells[target].is_empty() || cells[anchors].is_empty() {
-            return Err(format!("line {}: an empty cell", k + 1));
+        let cell = |column: usize| table.cell(r, column).to_owned();
+        if cell(target).is_empty() || cell(anchors).is_empty() {
+            return Err(format!("line {line}: an empty cell"));
         }
-        let name = name.map(|n| cells[n].clone()).filter(|n| !n.is_empty());
-        Ok(Row { target: cells[target].clone(), anchors: cells[anchors].clone(), name })
+        Ok(Row { target: cell(target), anchors: cell(anchors), name: name.map(cell).filter(|n| !n.is_empty()) })
     };
-    Ok(lines.map(row).collect())
+    Ok((0..table.len()).map(row).collect())
 }
 
 fn stem(path: &Path) -> String {
@@ -201,6 +203,10 @@ mod tests {
         );
         let (other, csv) = written("l.csv", "name,target,anchors\n\n,x/b.obj,b.json\n");
         let (json, csv) = (json.unwrap(), csv.unwrap());
+        let (third, semicolons) = written("l.csv", "Anchors;Comment;Target\n\"s.vts,t.vts\";\"a; b\";x/ä.obj\n");
+        let files = semicolons.unwrap().remove(0).files.unwrap();
+        assert_eq!(files.0, third.path().join("x/ä.obj"));
+        assert!(files.1.ends_with("t.vts") && files.1.contains(','), "{}", files.1);
         assert_eq!((json[0].name.as_str(), json[1].name.as_str()), ("b", "z"));
         assert_eq!(json[0].files.as_ref().unwrap().0, dir.path().join("x/b.obj"));
         assert_eq!(csv[0].files.as_ref().unwrap().0, other.path().join("x/b.obj"));

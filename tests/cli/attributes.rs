@@ -89,14 +89,14 @@ fn bad_data_are_refused_with_their_place() {
     f.write("short.csv", &csv("a,b", rows(0.5).skip(1)));
     f.write("nan.csv", &csv("a,b", rows(f64::NAN)));
     f.write("negative.csv", &csv("a,b", rows(-0.5)));
-    f.write("words.csv", "a,b\n1,two\n");
+    f.write("words.csv", "a,b\n1,2\n1,two\n");
     f.write("junk.npy", "no array");
     let before = f.names().len();
     for (options, code, words) in [
         ("--attributes short.csv -o o.csv", 1, ["short.csv", "vertices"]),
         ("--attributes nan.csv -o o.csv", 1, ["vertex 5, column 0", "not a finite number"]),
         ("--attributes negative.csv --kind weights -o o.csv", 1, ["vertex 5, column 0", "negative"]),
-        ("--attributes words.csv -o o.csv", 1, ["line 2", "two"]),
+        ("--attributes words.csv -o o.csv", 1, ["line 3", "two"]),
         ("--attributes junk.npy -o o.csv", 1, ["junk.npy", "NumPy"]),
         ("--attributes missing.csv -o o.csv", 1, ["missing.csv", ""]),
         ("--attributes good.csv --columns a,z -o o.csv", 1, ["no column \"z\"", "a, b"]),

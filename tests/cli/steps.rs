@@ -60,7 +60,8 @@ fn averages_of_the_weights_are_the_points() {
     f.write("single.json", SINGLE);
     f.write("p.csv", "face,b0,b1,b2\n40,0.2,0.3,0.5\n300,0.6,0.3,0.1\n511,0.25,0.25,0.5\n");
     f.run("weights s.obj --backend cpu --anchors single.json --points p.csv -o w.npy").succeeds();
-    let (columns, weights) = barymap::io::npy::read_npy(f.path("w.npy")).unwrap();
+    let barymap::io::npy::NpyMatrix { columns, values: weights, .. } =
+        barymap::io::npy::read_npy(f.path("w.npy")).unwrap();
     assert_eq!((columns, weights.len()), (17, 51));
     let rows: Vec<String> = weights
         .chunks(17)
@@ -73,7 +74,7 @@ fn averages_of_the_weights_are_the_points() {
     f.run("average s.obj --backend cpu --anchors single.json --weights w.csv -o q.csv").succeeds();
     let mesh = read_mesh(f.path("s.obj")).unwrap().mesh;
     let place = |file: &str| -> Vec<glam::DVec3> {
-        barymap::io::points::read_points(f.path(file), &mesh).unwrap().iter().map(|p| p.position(&mesh)).collect()
+        barymap::io::points::read_points(f.path(file), &mesh).unwrap().0.iter().map(|p| p.position(&mesh)).collect()
     };
     for (p, q) in place("p.csv").iter().zip(place("q.csv")) {
         assert!(p.distance(q) < 1e-6, "{p} came back as {q}");
@@ -109,7 +110,7 @@ fn embed_writes_a_row_per_vertex_line() {
     // A vertex that no face uses keeps its number.
     f.write("s.obj", &format!("v 9 9 9\n{}", shifted(&f.read("s.obj"))));
     f.run("embed s.obj --backend cpu -o e.npy --report r.json").succeeds();
-    let (columns, values) = barymap::io::npy::read_npy(f.path("e.npy")).unwrap();
+    let barymap::io::npy::NpyMatrix { columns, values, .. } = barymap::io::npy::read_npy(f.path("e.npy")).unwrap();
     let mesh = read_mesh(f.path("s.obj")).unwrap().mesh;
     assert_eq!((columns, values.len()), (8, 8 * mesh.vertex_count()));
     assert!(values[..8].iter().all(|x| x.is_nan()), "an unused vertex has no place");

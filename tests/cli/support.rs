@@ -23,6 +23,8 @@ pub(crate) struct Ran {
     pub code: Option<i32>,
     pub stdout: String,
     pub stderr: String,
+    /// Largest memory that was in use, in bytes, where the system tells.
+    pub peak_memory: Option<u64>,
 }
 
 impl Ran {
@@ -109,6 +111,11 @@ impl Folder {
         serde_json::from_str(&self.read(name)).unwrap()
     }
 
+    /// The files in a folder within it.
+    pub(crate) fn files(&self, folder: &str) -> Vec<PathBuf> {
+        fs::read_dir(self.path(folder)).unwrap().map(|e| e.unwrap().path()).collect()
+    }
+
     /// Reads a picture.
     pub(crate) fn image(&self, name: &str) -> Image {
         barymap::io::read_image(self.path(name)).unwrap()
@@ -142,13 +149,30 @@ impl Folder {
         command
     }
 
+    /// Runs commands here as a shell does, up to the first that fails; `barymap` is the built program.
+    pub(crate) fn shell(&self, commands: &str) -> Ran {
+        let program = Path::new(env!("CARGO_BIN_EXE_barymap")).parent().unwrap();
+        let others = std::env::var_os("PATH").unwrap_or_default();
+        let folders = std::iter::once(program.to_owned()).chain(std::env::split_paths(&others));
+        let mut command = Command::new("sh");
+        command
+            .args(["-e", "-c", commands])
+            .current_dir(self.0.path())
+            .env("PATH", std::env::join_paths(folders).unwrap())
+            .env("BARYMAP_CACHE", Path::new(env!("CARGO_TARGET_TMPDIR")).join("cache"))
+            .stdin(Stdio::null());
+        self.finish(&mut command)
+    }
+
     /// Runs a command to its end; one that takes longer than two minutes hangs.
     pub(crate) fn finish(&self, command: &mut Command) -> Ran {
         let outputs = tempfile::tempdir().unwrap();
         let file = |name: &str| File::create(outputs.path().join(name)).unwrap();
         let mut child = command.stdout(file("stdout")).stderr(file("stderr")).spawn().unwrap();
         let started = Instant::now();
+        let mut peak_memory = None;
         let status = loop {
+            peak_memory = peak_memory.max(peak_of(child.id()));
             if let Some(status) = child.try_wait().unwrap() {
                 break status;
             }
@@ -159,8 +183,15 @@ impl Folder {
             std::thread::sleep(Duration::from_millis(5));
         };
         let text = |name: &str| String::from_utf8_lossy(&fs::read(outputs.path().join(name)).unwrap()).into_owned();
-        Ran { code: status.code(), stdout: text("stdout"), stderr: text("stderr") }
+        Ran { code: status.code(), stdout: text("stdout"), stderr: text("stderr"), peak_memory }
     }
+}
+
+/// Largest memory that a running process has used so far, in bytes; Linux tells.
+fn peak_of(process: u32) -> Option<u64> {
+    let status = fs::read_to_string(format!("/proc/{process}/status")).ok()?;
+    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
+    line.trim().strip_suffix(" kB")?.trim().parse::<u64>().ok().map(|k| k << 10)
 }
 
 /// The target.

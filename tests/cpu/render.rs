@@ -1,6 +1,6 @@
 //! Pictures of meshes: what is seen, from where, and what cannot be seen.
 
-use barymap::geometry::{Mesh, SurfacePoint};
+use barymap::geometry::{Mesh, SurfacePoint, UpAxis};
 use barymap::models::shapes::{Diagonal, icosphere, plane_grid, uv_sphere};
 use barymap::tools::render::{Coloring, RenderOptions, render, side_by_side};
 use glam::DVec3;
@@ -57,6 +57,33 @@ fn the_nearer_square_hides_the_other() {
             let picture = render(&mesh, Coloring::Vertices(&colors), &[], &options).unwrap();
             assert_eq!(picture.get_pixel(10, 10).0[..3], expected, "{azimuth} {field_of_view}");
         }
+    }
+}
+
+#[test]
+fn a_mesh_that_stands_along_z_looks_as_along_y() {
+    // A body that has no symmetry: a ball that is stretched and bent.
+    let mut upright = barymap::models::shapes::uv_sphere(1.0, 40, 24);
+    upright
+        .positions
+        .iter_mut()
+        .for_each(|p| *p = DVec3::new(0.6 * p.x + 0.3 * p.y * p.y, 1.5 * p.y, 0.8 * p.z + 0.2 * p.x));
+    let colors: Vec<[u8; 3]> = upright.positions.iter().map(|p| if p.y > 0.5 { RED } else { BLUE }).collect();
+    let mut along_z = upright.clone();
+    along_z.positions.iter_mut().for_each(|p| *p = UpAxis::Z.from_y(*p));
+    for (azimuth, elevation) in [(0.0, 0.0), (70.0, 25.0)] {
+        let options = RenderOptions { azimuth, elevation, lighting: true, field_of_view: 25.0, ..flat(120, 120) };
+        let expected = render(&upright, Coloring::Vertices(&colors), &[], &options).unwrap();
+        let differing = |picture: &RgbaImage| {
+            picture.pixels().zip(expected.pixels()).filter(|(a, b)| (0..3).any(|k| a.0[k].abs_diff(b.0[k]) > 2)).count()
+        };
+        let turned =
+            render(&along_z, Coloring::Vertices(&colors), &[], &RenderOptions { up: UpAxis::Z, ..options.clone() })
+                .unwrap();
+        // Sums in another order decide for the other side of an edge here and there.
+        assert!(differing(&turned) < 15, "{}", differing(&turned));
+        let lying = render(&along_z, Coloring::Vertices(&colors), &[], &options).unwrap();
+        assert!(differing(&lying) > 1000);
     }
 }
 

@@ -128,7 +128,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
                 suggestions.iter().filter_map(|s| Some((s.guess?, target.topology.vertex_point(s.vertex)?))).collect();
             shown.into_iter().unzip()
         };
-        picture(path, &source, &target, &on_source, &on_target)?;
+        picture(path, &source, &target, &on_source, &on_target, &session)?;
         session.watch.lap("picture");
     }
     let mut report = session.report("anchors");
@@ -213,11 +213,13 @@ fn picture(
     target: &Surface,
     on_source: &[SurfacePoint],
     on_target: &[SurfacePoint],
+    session: &Session<'_>,
 ) -> Result<()> {
     let mut views = Vec::new();
     for (surface, points) in [(source, on_source), (target, on_target)] {
+        session.warn_of_up(&surface.mesh);
         for azimuth in [20.0, 200.0] {
-            let options = RenderOptions { azimuth, anchor_numbers: true, ..RenderOptions::default() };
+            let options = RenderOptions { up: session.up(), azimuth, anchor_numbers: true, ..RenderOptions::default() };
             views.push(render(&surface.mesh, Coloring::Plain([190, 190, 196]), points, &options)?);
         }
     }

@@ -227,7 +227,8 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         }
     };
     if let Some(sheet) = &arguments.sheet {
-        picture(mesh, &pictured, arguments, sheet)?;
+        session.warn_of_up(mesh);
+        picture(mesh, &pictured, arguments, sheet, &session)?;
     }
     session.watch.lap("write");
     session.say(&format!("{}: {count} frames, {rate:.1} a second; {written}", arguments.output.display()));
@@ -270,10 +271,17 @@ fn bind(arguments: &Arguments, motion: &Motion, surface: &Surface) -> Result<Bin
 }
 
 /// The contact sheet, in plain grey: what counts is the shape.
-fn picture(mesh: &Mesh, shapes: &[Vec<DVec3>], arguments: &Arguments, path: &Path) -> Result<()> {
+fn picture(
+    mesh: &Mesh,
+    shapes: &[Vec<DVec3>],
+    arguments: &Arguments,
+    path: &Path,
+    session: &Session<'_>,
+) -> Result<()> {
     let options = RenderOptions {
         width: 360,
         height: 480,
+        up: session.up(),
         azimuth: arguments.view.0,
         elevation: arguments.view.1,
         ..RenderOptions::default()

@@ -1,6 +1,6 @@
 //! `barymap attributes`: data of the vertices of one mesh on those of another.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use barymap::Result;
 use barymap::io::attribute_table::{
@@ -98,8 +98,8 @@ impl Arguments {
         Ok(())
     }
 
-    /// Reads file `i` as an attribute, with the names of its columns.
-    fn read(&self, i: usize, session: &Session<'_>) -> Result<(Attribute, Vec<String>)> {
+    /// Reads file `i`.
+    fn read(&self, i: usize) -> Result<Given> {
         let (path, kind) = (&self.attributes[i], self.kind(i));
         let columns = match kind {
             _ if !self.columns.is_empty() => Columns::Named(self.columns.clone()),
@@ -107,9 +107,7 @@ impl Arguments {
             _ => Columns::Data,
         };
         let table = if kind == KindName::Colors && self.columns.is_empty() {
-            let (table, notes) = read_colors(path)?;
-            notes.iter().for_each(|note| session.warn(&format!("{}: {note}", path.display())));
-            table
+            read_colors(path)?
         } else {
             read_attributes(path, &columns)?
         };
@@ -121,8 +119,63 @@ impl Arguments {
             KindName::Normals => AttributeKind::Normals,
             KindName::Tangents => AttributeKind::Tangents,
         };
-        let name = path.display().to_string();
-        Ok((Attribute { name, kind, columns: table.columns.len(), values: table.values }, table.columns))
+        Ok(Given { name: path.display().to_string(), kind, table })
+    }
+}
+
+/// A file of data.
+struct Given {
+    name: String,
+    kind: AttributeKind,
+    table: AttributeTable,
+}
+
+impl Given {
+    /// Its numbers, if it has any, and each column of text: names of parts, whatever the numbers are.
+    fn attributes(&self) -> Vec<Attribute> {
+        let name = self.name.clone();
+        let numbers = Attribute {
+            name: name.clone(),
+            kind: self.kind,
+            columns: self.table.columns.len(),
+            values: self.table.values.clone(),
+        };
+        let texts = self.table.texts.iter().map(|t| Attribute {
+            name: format!("{name}: {}", t.name),
+            kind: AttributeKind::Labels,
+            columns: 1,
+            values: t.values.clone(),
+        });
+        Some(numbers).filter(|a| a.columns > 0).into_iter().chain(texts).collect()
+    }
+
+    /// The table with what became of its attributes on the target, the first ones of `carried`.
+    fn answer(&self, carried: &mut impl Iterator<Item = Attribute>) -> AttributeTable {
+        let mut table = self.table.clone();
+        if !table.columns.is_empty() {
+            table.values = carried.next().map_or_else(Vec::new, |a| a.values);
+        }
+        for text in &mut table.texts {
+            text.values = carried.next().map_or_else(Vec::new, |a| a.values);
+        }
+        // Amounts in between whole numbers are none.
+        table.storage.integers = table.storage.integers.filter(|_| self.kind == AttributeKind::Labels);
+        table
+    }
+}
+
+/// What of `table` the file at `output` cannot hold.
+fn tell_losses(session: &Session<'_>, output: &Path, table: &mut AttributeTable) {
+    let ends_in = |e: &str| output.extension().is_some_and(|x| x.eq_ignore_ascii_case(e));
+    let holds_text = ends_in("csv") || ends_in("txt");
+    let output = output.display();
+    if !holds_text && !table.texts.is_empty() && !table.columns.is_empty() {
+        let names: Vec<&str> = table.texts.iter().map(|t| t.name.as_str()).collect();
+        session.warn(&format!("{output}: columns of text are left out: {}; CSV holds them", names.join(", ")));
+    }
+    if ends_in("npy") && table.storage.integers.is_some() && table.values.iter().any(|v| v.is_nan()) {
+        session.warn(&format!("{output}: written as float64, because vertices without a label are NaN"));
+        table.storage.integers = None;
     }
 }
 
@@ -132,11 +185,11 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     check_outputs(arguments.output.iter().map(PathBuf::as_path))?;
     let mut session = Session::start(common)?;
     let (mut source, mut target) = (session.mesh(&arguments.source)?, session.mesh(&arguments.target)?);
-    let (given, names): (Vec<Attribute>, Vec<Vec<String>>) = (0..arguments.attributes.len())
-        .map(|i| arguments.read(i, &session))
-        .collect::<Result<Vec<_>>>()?
-        .into_iter()
-        .unzip();
+    let files: Vec<Given> = (0..arguments.attributes.len()).map(|i| arguments.read(i)).collect::<Result<_>>()?;
+    for file in &files {
+        session.warn_of_table(Path::new(&file.name), &file.table.notes);
+    }
+    let given: Vec<Attribute> = files.iter().flat_map(Given::attributes).collect();
     // Before the costly part.
     given.iter().try_for_each(|a| a.check(&source.mesh))?;
     session.watch.lap("read");
@@ -156,8 +209,10 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         .zip(&result.map.images)
         .map(|(s, i)| RowStatus { word: s.word(), number: s.number(), confidence: f64::from(i.confidence) })
         .collect();
-    for (i, (attribute, columns)) in result.attributes.iter().zip(names).enumerate() {
-        let table = AttributeTable { columns, values: attribute.values.clone() };
+    let mut carried = result.attributes.iter().cloned();
+    for (i, file) in files.iter().enumerate() {
+        let mut table = file.answer(&mut carried);
+        tell_losses(&session, &arguments.output[i], &mut table);
         let style = AttributeStyle { colors: arguments.kind(i) == KindName::Colors };
         write_attributes(&arguments.output[i], &target.mesh, &table, &status, style)?;
     }
@@ -193,7 +248,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
             "source": source.embedding.as_ref().map(|e| e.stress),
             "target": target.embedding.as_ref().map(|e| e.stress),
         },
-        "attributes": result.attributes.iter().map(|a| json!({"name": a.name, "columns": a.columns})).collect::<Vec<_>>(),
+        "attributes": files.iter().map(|f| json!({"name": f.name, "columns": f.table.columns.len() + f.table.texts.len()})).collect::<Vec<_>>(),
     });
     if let (Some(report), Some(extra)) = (report.as_object_mut(), extra.as_object()) {
         report.extend(extra.clone());

@@ -4,7 +4,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use barymap::engine::{Backend, Engine, EngineOptions};
-use barymap::geometry::{ClosestPoints, Diagnosis, Mesh, SurfacePoint, Topology, Weld};
+use barymap::geometry::up_axis::stands_along_z;
+use barymap::geometry::{ClosestPoints, Diagnosis, Mesh, SurfacePoint, Topology, UpAxis, Weld};
 use barymap::io::ReadOptions;
 use barymap::io::anchors::AnchorList;
 use barymap::io::cache::Cache;
@@ -33,6 +34,9 @@ pub(crate) struct Common {
     /// Memory that a transfer may use, in bytes or with K, M, G
     #[arg(long, default_value = "4G", value_parser = bytes, global = true)]
     pub(crate) memory: u64,
+    /// Which axis of the meshes points up (y if not given): pictures show it upright, and glTF, which is y up, is written turned
+    #[arg(long, value_enum, global = true)]
+    pub(crate) up: Option<UpName>,
     /// Neither read nor write cached embeddings and hierarchies
     #[arg(long, global = true)]
     pub(crate) no_cache: bool,
@@ -50,6 +54,13 @@ impl Common {
     pub(crate) fn read_options(&self) -> ReadOptions {
         ReadOptions { weld: self.weld }
     }
+}
+
+/// Names of the axes that may point up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum UpName {
+    Y,
+    Z,
 }
 
 /// Names of the back ends.
@@ -160,6 +171,26 @@ impl<'a> Session<'a> {
         if !self.common.quiet {
             note(text);
         }
+    }
+
+    /// The axis that points up.
+    pub(crate) fn up(&self) -> UpAxis {
+        if self.common.up == Some(UpName::Z) { UpAxis::Z } else { UpAxis::Y }
+    }
+
+    /// A note where a mesh seems to stand along z and no axis is given. For commands whose pictures or files depend on it.
+    pub(crate) fn warn_of_up(&self, mesh: &Mesh) {
+        if self.common.up.is_none() && stands_along_z(mesh) {
+            self.warn(&format!(
+                "{}: it seems to stand along z, as a body with its feet there: --up z shows it upright",
+                mesh.name
+            ));
+        }
+    }
+
+    /// What was passed over in a table.
+    pub(crate) fn warn_of_table(&self, path: &Path, notes: &[String]) {
+        notes.iter().for_each(|note| self.warn(&format!("{}: {note}", path.display())));
     }
 
     /// A line on stdout, unless quiet.

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use barymap::Result;
 use barymap::geometry::SurfacePoint;
-use barymap::io::points::MapRow;
+use barymap::io::points::{Answered, MapRow};
 use barymap::surface::quality::{ErrorSummary, summarise};
 use barymap::surface::{AnchorPairs, PackedImage, PackedPoint};
 use barymap::tools::inverse_map::{PreImage, cycle, inverse_map};
@@ -28,7 +28,7 @@ pub(crate) struct Arguments {
     /// The map: CSV, a row per target vertex or per point
     #[arg(long, short)]
     output: PathBuf,
-    /// Points of the target instead of its vertices: CSV with the header face,b0,b1,b2
+    /// Points of the target instead of its vertices: CSV with the columns face, b0, b1 and b2; others are kept
     #[arg(long)]
     points: Option<PathBuf>,
     #[command(flatten)]
@@ -49,7 +49,14 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let (mut source, mut target) = (session.mesh(&arguments.source)?, session.mesh(&arguments.target)?);
     let anchors = anchor_pairs(&arguments.anchors, &source, &target, &session)?;
     let method = arguments.method;
-    let points = arguments.points.as_ref().map(|p| barymap::io::points::read_points(p, &target.mesh)).transpose()?;
+    let (points, table) = match &arguments.points {
+        Some(path) => {
+            let (points, table) = barymap::io::points::read_points(path, &target.mesh)?;
+            session.warn_of_table(path, table.notes());
+            (Some(points), table)
+        }
+        None => (None, Answered::default()),
+    };
     let map = prepare(&mut session, &mut source, &mut target, &anchors, method, &arguments.embedding)?;
     let vertices = vertex_map((&source.mesh, &source.topology), (&target.mesh, &target.topology), map.as_ref())?;
     let mut residuals = None;
@@ -76,15 +83,17 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     session.watch.lap("map");
     let onto = if arguments.inverse { &target.mesh } else { &source.mesh };
     let at = |p: SurfacePoint| (p, p.position(onto));
-    barymap::io::points::write_map(
-        &arguments.output,
-        images.iter().enumerate().map(|(i, image)| MapRow {
+    let rows: Vec<MapRow> = images
+        .iter()
+        .enumerate()
+        .map(|(i, image)| MapRow {
             index: i as u64,
             point: image.point().map(at),
             status: image.status().word(),
             confidence: f64::from(image.confidence),
-        }),
-    )?;
+        })
+        .collect();
+    barymap::io::points::write_map(&arguments.output, &rows, &table)?;
     let d = vertices.distortion;
     session.say(&format!(
         "{}: {} points by {}; of the target's area {:.1} % valid, {:.2} % flipped; stretch efficiency {:.3}, best 95 % {:.3}",

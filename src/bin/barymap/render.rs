@@ -48,6 +48,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     barymap::io::image_file::check_image_extension(&arguments.output)?;
     let mut session = Session::start_on_cpu(common)?;
     let surface = session.mesh(&arguments.mesh)?;
+    session.warn_of_up(&surface.mesh);
     let anchors = match &arguments.anchors {
         Some(path) => surface.resolve(&barymap::io::anchors::read_single(path)?, &session)?,
         None => Vec::new(),
@@ -81,6 +82,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let options = RenderOptions {
         width: arguments.size.0,
         height: arguments.size.1,
+        up: session.up(),
         azimuth: arguments.view.0,
         elevation: arguments.view.1,
         wireframe: arguments.wireframe,

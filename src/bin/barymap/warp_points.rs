@@ -24,9 +24,9 @@ const CHUNK: usize = 1 << 16;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    /// Points or outlines: CSV with the header x,y; GeoJSON; SVG
+    /// Points or outlines: CSV with columns x and y; GeoJSON; SVG
     points: PathBuf,
-    /// The mapped points, in the same format
+    /// The mapped points, in the same format, with everything else that the file holds
     #[arg(long, short)]
     output: PathBuf,
     #[command(flatten)]
@@ -154,11 +154,13 @@ fn map_points(
 }
 
 fn table(session: &Session<'_>, map: &CompositeMap, arguments: &Arguments) -> Result<Counts> {
-    let points = read_point_table(&arguments.points)?;
-    let mapped = map_points(session, map, arguments.inverse, &points)?;
+    let table = read_point_table(&arguments.points)?;
+    session.warn_of_table(&arguments.points, table.notes());
+    let points = &table.points;
+    let mapped = map_points(session, map, arguments.inverse, points)?;
     let failed = mapped.iter().filter(|m| m.is_none()).count();
-    let rows = mapped.iter().map(|m| PointRow { point: m.map(|m| (m.point, m.jacobian())) });
-    write_point_table(&arguments.output, rows, arguments.jacobian)?;
+    let rows: Vec<PointRow> = mapped.iter().map(|m| PointRow { point: m.map(|m| (m.point, m.jacobian())) }).collect();
+    write_point_table(&arguments.output, &table, &rows, arguments.jacobian)?;
     if failed > 0 {
         session.warn(&format!("{failed} of {} points have no image", points.len()));
     }

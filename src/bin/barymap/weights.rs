@@ -16,7 +16,7 @@ pub(crate) struct InverseArguments {
     /// Its anchors
     #[arg(long)]
     anchors: PathBuf,
-    /// The points whose weights are wanted: CSV with the header face,b0,b1,b2
+    /// The points whose weights are wanted: CSV with the columns face, b0, b1 and b2
     #[arg(long)]
     points: PathBuf,
     /// The weights: an array with a row per point and a column per anchor
@@ -36,7 +36,7 @@ pub(crate) struct ForwardArguments {
     /// Weights: CSV, a row per average and a column per anchor
     #[arg(long)]
     weights: PathBuf,
-    /// The averages: CSV with the header face,b0,b1,b2
+    /// The averages: CSV with the header face,b0,b1,b2, and the columns of text of the weights
     #[arg(long, short)]
     output: PathBuf,
     #[command(flatten)]
@@ -60,7 +60,15 @@ pub(crate) fn inverse(common: &Common, arguments: &InverseArguments) -> Result<(
     check_outputs([arguments.output.as_path()])?;
     let mut session = Session::start(common)?;
     let (surface, anchors) = prepare(&mut session, &arguments.mesh, &arguments.anchors, &arguments.embedding)?;
-    let points = barymap::io::points::read_points(&arguments.points, &surface.mesh)?;
+    let (points, table) = barymap::io::points::read_points(&arguments.points, &surface.mesh)?;
+    session.warn_of_table(&arguments.points, table.notes());
+    if !table.others().is_empty() {
+        session.warn(&format!(
+            "{}: columns that are not read: {}",
+            arguments.points.display(),
+            table.others().join(", ")
+        ));
+    }
     let weights = WeightedPoints::new(surface.shape(), &anchors)?.weights(&points)?;
     session.watch.lap("inverse");
     barymap::io::npy::write_npy(&arguments.output, anchors.len(), &weights)?;
@@ -80,7 +88,8 @@ pub(crate) fn forward(common: &Common, arguments: &ForwardArguments) -> Result<(
     check_outputs([arguments.output.as_path()])?;
     let mut session = Session::start(common)?;
     let (surface, anchors) = prepare(&mut session, &arguments.mesh, &arguments.anchors, &arguments.embedding)?;
-    let weights = barymap::io::points::read_weights(&arguments.weights, anchors.len())?;
+    let (weights, table) = barymap::io::points::read_weights(&arguments.weights, anchors.len())?;
+    session.warn_of_table(&arguments.weights, table.notes());
     let found = WeightedPoints::new(surface.shape(), &anchors)?.averages(&weights)?;
     session.watch.lap("forward");
     let missing = found.iter().filter(|p| !p.found).count();
@@ -88,7 +97,7 @@ pub(crate) fn forward(common: &Common, arguments: &ForwardArguments) -> Result<(
         session.warn(&format!("{missing} averages have no projection nearby; their nearest vertex stands in"));
     }
     let points: Vec<SurfacePoint> = found.iter().map(|p| p.point).collect();
-    barymap::io::points::write_points(&arguments.output, &points)?;
+    barymap::io::points::write_points(&arguments.output, &points, &table)?;
     session.say(&format!("{}: {} averages of {} anchors", arguments.output.display(), points.len(), anchors.len()));
     let mut report = session.report("average");
     report["points"] = json!(points.len());

@@ -11,7 +11,8 @@ use glam::{DQuat, DVec3};
 use super::acclaim_skeleton::{self, Bone, Freedom};
 use super::skeleton::{Segment, Skeleton};
 use super::{MAX_COORDINATE, Motion, check_size, known_rate, shortened};
-use crate::io::source::{self, Notes};
+use crate::io::encoding;
+use crate::io::source::Notes;
 use crate::{Error, Result};
 
 /// Reads the clip of an AMC file with the skeleton of an ASF file; the points are the root and the end of each bone, by its name.
@@ -22,8 +23,17 @@ use crate::{Error, Result};
 /// [`Error::Io`]; [`Error::Format`] naming the line: bones that do not hang together, unknown bones, missing numbers, a clip cut inside a frame.
 pub fn read_acclaim(skeleton: impl AsRef<Path>, clip: impl AsRef<Path>) -> Result<Motion> {
     let (skeleton, clip) = (skeleton.as_ref(), clip.as_ref());
-    let bones = acclaim_skeleton::parse(&source::read_text(skeleton)?, skeleton)?;
-    parse(&source::read_text(clip)?, clip, bones)
+    let (bones_text, clip_text) = (encoding::read_text(skeleton)?, encoding::read_text(clip)?);
+    let bones = acclaim_skeleton::parse(&lines_of_lf(bones_text.text), skeleton)?;
+    let mut motion = parse(&lines_of_lf(clip_text.text), clip, bones)?;
+    motion.warnings.extend(bones_text.note.map(|note| format!("{}: {note}", skeleton.display())));
+    motion.warnings.extend(clip_text.note);
+    Ok(motion)
+}
+
+/// A text whose lines end in CR alone, as on old Macs, with LF.
+fn lines_of_lf(text: String) -> String {
+    if text.contains('\n') { text } else { text.replace('\r', "\n") }
 }
 
 /// `SKELETON.asf,CLIP.amc` as its two files.

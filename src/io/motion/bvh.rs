@@ -2,31 +2,49 @@
 //!
 //! Forward kinematics (Meredith, Maddock, Motion Capture File Formats Explained, 2001): with column vectors a joint's rotation is
 //! `R = R_parent R_1 R_2 R_3` for its rotation channels in the order they are listed, and its position `p = p_parent + R_parent offset`. Position
-//! channels are added to the offset of a root, and take the place of the offset of other joints, as programs write them.
+//! channels are added to the offset of a root, and take the place of the offset of other joints, as programs write them. Scale channels, which
+//! some programs add, would need bones of changing length: they are passed over, with a note where they are not 1.
+//!
+//! Words are read as programs write them: in any encoding, with or without blanks around braces and colons, with any line ends.
 
+use std::iter::Peekable;
 use std::path::Path;
 
 use glam::{DQuat, DVec3};
 
 use super::skeleton::{Segment, Skeleton};
 use super::{MAX_COORDINATE, Motion, check_size, known_rate, shortened};
-use crate::io::source::{self, Notes};
+use crate::io::encoding;
+use crate::io::source::Notes;
+use crate::io::table_number;
 use crate::{Error, Result};
 
 /// Reads a BVH file; the points are its joints and, called `NAME_end`, the ends of its limbs.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] naming the line, for unknown words, missing numbers, or a motion that is cut short (naming the frame).
+/// [`Error::Io`]; [`Error::Format`] naming the line, for unknown words, numbers that are none, or a motion without a whole frame.
 pub fn read_bvh(path: impl AsRef<Path>) -> Result<Motion> {
     let path = path.as_ref();
-    parse(&source::read_text(path)?, path)
+    let text = encoding::read_text(path)?;
+    let mut motion = parse(&text.text, path)?;
+    motion.warnings.extend(text.note);
+    Ok(motion)
 }
 
-/// What a channel moves: an axis and whether it turns about it.
+/// What a channel changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Change {
+    Turn,
+    Shift,
+    /// Nothing here: lengths of bones are fixed.
+    Scale,
+}
+
+/// A channel: an axis and what it changes along or about it.
 #[derive(Clone, Copy)]
 struct Channel {
     axis: DVec3,
-    turns: bool,
+    change: Change,
 }
 
 struct Joint {
@@ -41,14 +59,32 @@ struct Joint {
 /// Words with their lines.
 struct Words<'a> {
     path: &'a Path,
-    words: Box<dyn Iterator<Item = (usize, &'a str)> + 'a>,
+    words: Peekable<Box<dyn Iterator<Item = (usize, &'a str)> + 'a>>,
     line: usize,
 }
 
 impl<'a> Words<'a> {
     fn new(text: &'a str, path: &'a Path) -> Self {
-        let words = text.lines().enumerate().flat_map(|(k, l)| l.split_whitespace().map(move |w| (k + 1, w)));
-        Self { path, words: Box::new(words), line: 1 }
+        // Old Macs end lines in CR alone.
+        let end = if text.contains('\n') { '\n' } else { '\r' };
+        let lines = text.split(end).enumerate();
+        let words = lines.flat_map(|(k, l)| l.split_whitespace().flat_map(apart).map(move |w| (k + 1, w)));
+        let words: Box<dyn Iterator<Item = (usize, &'a str)> + 'a> = Box::new(words);
+        Self { path, words: words.peekable(), line: 1 }
+    }
+
+    /// The next word without taking it.
+    fn peek(&mut self) -> Option<&'a str> {
+        self.words.peek().map(|w| w.1)
+    }
+
+    /// Takes `wanted` if it comes next, whatever case.
+    fn take(&mut self, wanted: &str) -> bool {
+        let there = self.peek().is_some_and(|w| w.eq_ignore_ascii_case(wanted));
+        if there {
+            self.words.next();
+        }
+        there
     }
 
     fn fail<T>(&self, what: String) -> Result<T> {
@@ -67,8 +103,8 @@ impl<'a> Words<'a> {
 
     fn number(&mut self, wanted: &str) -> Result<f64> {
         let word = self.next(wanted)?;
-        match word.parse::<f64>() {
-            Ok(x) if x.abs() <= MAX_COORDINATE => Ok(x),
+        match table_number::number(word, true) {
+            Some(x) if x.abs() <= MAX_COORDINATE => Ok(x),
             _ => self.fail(format!("{:?} where {wanted} is expected", shortened(word))),
         }
     }
@@ -80,6 +116,37 @@ impl<'a> Words<'a> {
         }
         self.fail(format!("{:?} where {wanted} is expected", shortened(word)))
     }
+
+    /// Takes the words of a key, such as `Frame Time:`, however they are set apart.
+    fn key(&mut self, wanted: &str) -> Result<()> {
+        let plain = |text: &str| text.to_ascii_lowercase().replace([' ', '_', ':'], "");
+        let mut found = String::new();
+        while found != plain(wanted) {
+            let word = self.next(wanted)?;
+            found += &plain(word);
+            if !plain(wanted).starts_with(&found) {
+                return self.fail(format!("{:?} where {wanted} is expected", shortened(word)));
+            }
+        }
+        self.take(":");
+        Ok(())
+    }
+}
+
+/// A word without blanks as the words that it stands for: braces, and keys with what follows their colon.
+fn apart(word: &str) -> impl Iterator<Item = &str> {
+    let mut rest = word;
+    std::iter::from_fn(move || {
+        let key = |key: &str| rest.get(..key.len()).is_some_and(|k| k.eq_ignore_ascii_case(key)).then_some(key.len());
+        let length = match rest.find(['{', '}']) {
+            Some(0) => 1,
+            Some(n) => n,
+            None => key("frames:").or(key("time:")).or(key("frametime:")).unwrap_or(rest.len()),
+        };
+        let (first, others) = rest.split_at(length);
+        rest = others;
+        Some(first).filter(|f| !f.is_empty())
+    })
 }
 
 pub(super) fn parse(text: &str, path: &Path) -> Result<Motion> {
@@ -88,24 +155,41 @@ pub(super) fn parse(text: &str, path: &Path) -> Result<Motion> {
     words.expect("HIERARCHY")?;
     let joints = hierarchy(&mut words)?;
     let channels: usize = joints.iter().map(|j| j.channels.len()).sum();
-    words.expect("Frames:")?;
+    words.key("Frames:")?;
     let count = words.next("the number of frames")?;
     let Some(count) = count.parse::<usize>().ok().filter(|&n| n > 0) else {
         return words.fail(format!("{:?} frames", shortened(count)));
     };
-    words.expect("Frame")?;
-    words.expect("Time:")?;
-    let time = words.number("the time of a frame in seconds")?;
+    // Files without the time of a frame begin with their numbers.
+    let timed = words.peek().is_some_and(|w| w.parse::<f64>().is_err());
+    let time = if timed {
+        words.key("Frame Time:")?;
+        words.number("the time of a frame in seconds")?
+    } else {
+        0.0
+    };
     if channels == 0 {
         return words.fail("no joint has channels: nothing moves".into());
     }
     // A joint has a position and a rotation.
     check_size(path, count, 2 * joints.len())?;
 
+    let scales: Vec<usize> = joints
+        .iter()
+        .flat_map(|j| &j.channels)
+        .enumerate()
+        .filter(|(_, c)| c.change == Change::Scale)
+        .map(|(k, _)| k)
+        .collect();
     let (mut frames, mut rotations) = (Vec::new(), Vec::new());
     let mut values = vec![0.0; channels];
-    for f in 0..count {
-        for value in &mut values {
+    'frames: for f in 0..count {
+        for (k, value) in values.iter_mut().enumerate() {
+            if words.peek().is_none() && f > 0 {
+                let partly = if k > 0 { format!(" and {k} of {channels} numbers of another") } else { String::new() };
+                notes.say(format!("{count} frames are declared, the file holds {f}{partly}: those {f} are read"));
+                break 'frames;
+            }
             *value = words.number("a value of a channel").map_err(|e| match e {
                 Error::Format { path, line, what, remedy } => {
                     Error::Format { path, line, what: format!("frame {f} of {count}: {what}"), remedy }
@@ -113,11 +197,14 @@ pub(super) fn parse(text: &str, path: &Path) -> Result<Motion> {
                 other => other,
             })?;
         }
+        if scales.iter().any(|&k| (values[k] - 1.0).abs() > 1e-6) {
+            notes.count("frames with scales other than 1, which are not used", Some(words.line));
+        }
         let (points, turns) = pose(&joints, &values);
         frames.push(points.into_iter().map(Some).collect());
         rotations.push(turns);
     }
-    if words.words.next().is_some() {
+    if words.peek().is_some() {
         notes.say(format!("there is more after the {count} frames that are declared; it was left out"));
     }
     let (rest, _) = pose(&joints, &[]);
@@ -145,26 +232,26 @@ fn hierarchy(words: &mut Words<'_>) -> Result<Vec<Joint>> {
         let upper = word.to_ascii_uppercase();
         match (upper.as_str(), open.last().copied()) {
             ("MOTION", None) if !joints.is_empty() => return Ok(joints),
-            ("ROOT", None) | ("JOINT" | "END", Some(_)) => {
+            ("ROOT", None) | ("JOINT" | "END" | "ENDSITE", Some(_)) => {
                 let parent = open.last().copied();
-                let word = words.next("a name")?;
-                let mut name = match (upper.as_str(), parent) {
-                    ("END", Some(p)) => format!("{}_end", joints[p].name),
-                    _ => word.chars().take(100).collect(),
-                };
-                // Names may have blanks.
-                loop {
-                    match words.next("{")? {
-                        "{" => break,
-                        more if upper != "END" && name.len() < 100 => name = format!("{name} {}", shortened(more)),
-                        other => return words.fail(format!("{:?} where {{ is expected", shortened(other))),
+                // Names may have blanks, or be missing.
+                let mut name = String::new();
+                while !words.take("{") {
+                    let more = shortened(words.next("{")?);
+                    if name.len() > 100 || more == "}" {
+                        return words.fail(format!("{more:?} where {{ is expected"));
                     }
+                    name = if name.is_empty() { more } else { format!("{name} {more}") };
+                }
+                let ends = upper.starts_with("END");
+                if let (true, Some(p)) = (ends, parent) {
+                    name = format!("{}_end", joints[p].name);
                 }
                 if parent.is_some_and(|p| joints[p].end) {
                     return words.fail("a joint below the end of a limb".into());
                 }
                 open.push(joints.len());
-                joints.push(Joint { name, parent, offset: DVec3::ZERO, channels: Vec::new(), end: upper == "END" });
+                joints.push(Joint { name, parent, offset: DVec3::ZERO, channels: Vec::new(), end: ends });
             }
             ("OFFSET", Some(j)) => {
                 let mut xyz = [0.0; 3];
@@ -202,12 +289,13 @@ fn channel(word: &str) -> Option<Channel> {
         'z' => DVec3::Z,
         _ => return None,
     };
-    let turns = match &word[1..] {
-        "rotation" => true,
-        "position" => false,
+    let change = match &word[1..] {
+        "rotation" => Change::Turn,
+        "position" | "translation" => Change::Shift,
+        "scale" | "scaling" => Change::Scale,
         _ => return None,
     };
-    Some(Channel { axis, turns })
+    Some(Channel { axis, change })
 }
 
 /// Positions and rotations of all joints from the values of all channels; without values, the rest pose.
@@ -218,11 +306,13 @@ fn pose(joints: &[Joint], values: &[f64]) -> (Vec<DVec3>, Vec<DQuat>) {
     for joint in joints {
         let (mut offset, mut rotation) = (joint.offset, DQuat::IDENTITY);
         for (channel, &value) in joint.channels.iter().zip(&mut next) {
-            if channel.turns {
-                rotation *= DQuat::from_axis_angle(channel.axis, value.to_radians());
-            } else {
-                let kept = if joint.parent.is_none() { offset } else { offset * (DVec3::ONE - channel.axis) };
-                offset = kept + channel.axis * value;
+            match channel.change {
+                Change::Turn => rotation *= DQuat::from_axis_angle(channel.axis, value.to_radians()),
+                Change::Shift => {
+                    let kept = if joint.parent.is_none() { offset } else { offset * (DVec3::ONE - channel.axis) };
+                    offset = kept + channel.axis * value;
+                }
+                Change::Scale => {}
             }
         }
         let (point, rotation) = match joint.parent {

@@ -150,5 +150,8 @@ impl<'a> Parameters<'a> {
 /// Trimmed text. Bytes beyond ASCII are those of Latin-1, which is what old programs wrote.
 fn text(bytes: &[u8]) -> String {
     let end = bytes.iter().position(|&b| b == 0).unwrap_or(bytes.len());
-    bytes[..end].iter().map(|&b| char::from(b)).collect::<String>().trim().to_owned()
+    // UTF-8, as newer programs write, else Latin-1.
+    let latin = || bytes[..end].iter().map(|&b| char::from(b)).collect();
+    let text: String = std::str::from_utf8(&bytes[..end]).map_or_else(|_| latin(), str::to_owned);
+    text.trim().to_owned()
 }

@@ -1,17 +1,18 @@
 //! CSV: markers as a table.
 //!
 //! Wide, one row a frame: `time,LKNE.x,LKNE.y,LKNE.z,...` (`_x`, `:x`, ` x` and capitals are as good). Long, one row a marker and frame:
-//! `time,marker,x,y,z`. The first column may be `frame` instead of `time`, or there may be both. Cells are separated by commas, semicolons or tabs;
-//! empty cells are gaps. Comments begin with `#`; `# rate: 120` and `# units: mm` tell what columns cannot.
+//! `time,marker,x,y,z`. The first column may be `frame` instead of `time`, or there may be both. The file is a [`Table`] of any dialect; empty cells are
+//! gaps. Comments begin with `#`; `# rate: 120` and `# units: mm` tell what columns cannot. Tables of Motive (OptiTrack) are read by [`super::optitrack`].
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
 use glam::DVec3;
 
-use super::trc::point;
-use super::{Clip, MAX_POSITIONS, Motion, check_size, shortened, unit};
-use crate::io::source::{self, Notes};
+use super::{Clip, MAX_POSITIONS, Motion, check_size, optitrack, shortened, unit};
+use crate::io::encoding;
+use crate::io::source::Notes;
+use crate::io::table::Table;
 use crate::{Error, Result};
 
 /// Reads markers from a CSV file.
@@ -22,7 +23,10 @@ use crate::{Error, Result};
 /// [`Error::Io`]; [`Error::Format`] naming the line: a header of no known form, a cell that is not a number, times that are not evenly spaced.
 pub fn read_csv(path: impl AsRef<Path>) -> Result<Motion> {
     let path = path.as_ref();
-    parse(&source::read_text(path)?, path)
+    let text = encoding::read_text(path)?;
+    let mut motion = parse(&text.text, path)?;
+    motion.warnings.extend(text.note);
+    Ok(motion)
 }
 
 /// What the columns are.
@@ -30,7 +34,6 @@ struct Columns {
     frame: Option<usize>,
     time: Option<usize>,
     form: Form,
-    count: usize,
 }
 
 enum Form {
@@ -41,111 +44,117 @@ enum Form {
 }
 
 /// A row: its line, frame number and time if there are any, and positions of markers.
-struct Row {
-    line: usize,
-    frame: Option<f64>,
-    time: Option<f64>,
-    points: Vec<(usize, DVec3)>,
+pub(super) struct Row {
+    pub(super) line: usize,
+    pub(super) frame: Option<f64>,
+    pub(super) time: Option<f64>,
+    pub(super) points: Vec<(usize, DVec3)>,
 }
 
 pub(super) fn parse(text: &str, path: &Path) -> Result<Motion> {
-    let (mut rate, mut metres) = (None, None);
-    let mut header: Option<(char, Columns)> = None;
-    let mut names: Vec<String> = Vec::new();
-    let mut known: HashMap<String, usize> = HashMap::new();
-    let mut rows: Vec<Row> = Vec::new();
-    for (line, text) in text.lines().enumerate().map(|(k, t)| (k + 1, t.trim())) {
-        if let Some(comment) = text.strip_prefix('#') {
-            match comment.split_once([':', '=']).map(|(k, v)| (k.trim().to_ascii_lowercase(), v.trim())) {
-                Some((key, value)) if key == "rate" => rate = value.parse::<f64>().ok(),
-                Some((key, value)) if key == "units" || key == "unit" => metres = unit(value),
-                _ => {}
-            }
-            continue;
-        }
-        if text.is_empty() {
-            continue;
-        }
-        let Some((separator, columns)) = &header else {
-            let separator = [',', ';', '\t'].into_iter().max_by_key(|&c| text.matches(c).count()).unwrap_or(',');
-            let columns = Columns::parse(&cells(text, separator), path, line)?;
-            if let Form::Wide(found, _) = &columns.form {
-                names.clone_from(found);
-            }
-            header = Some((separator, columns));
-            continue;
-        };
-        let cells = cells(text, *separator);
-        if cells.len() > columns.count && cells[columns.count..].iter().any(|c| !c.is_empty()) {
-            let what = format!("{} cells where the header has {}", cells.len(), columns.count);
-            return Err(Error::format(
-                path,
-                Some(line),
-                what,
-                "Correct the row; numbers need a decimal point, not a comma",
-            ));
-        }
-        let number = |column: Option<usize>| -> Result<Option<f64>> {
-            let Some(cell) = column.and_then(|c| cells.get(c)).filter(|c| !c.is_empty()) else { return Ok(None) };
-            match cell.parse::<f64>() {
-                Ok(x) if x.is_finite() => Ok(Some(x)),
-                _ => {
-                    let what = format!("{:?} is not a frame number or time", shortened(cell));
-                    Err(Error::format(path, Some(line), what, "Correct the cell"))
-                }
-            }
-        };
-        let (frame, time) = (number(columns.frame)?, number(columns.time)?);
-        let at = |columns: &[usize; 3], name: &str| {
-            point(&columns.map(|c| cells.get(c).copied().unwrap_or_default()), name, path, line)
-        };
-        let mut points = Vec::new();
-        match &columns.form {
-            Form::Wide(names, triples) => {
-                check_size(path, rows.len(), names.len())?;
-                for (k, (name, triple)) in names.iter().zip(triples).enumerate() {
-                    points.extend(at(triple, name)?.map(|p| (k, p)));
-                }
-            }
-            Form::Long(name, triple) => {
-                let name = cells.get(*name).copied().unwrap_or_default();
-                let k = *known.entry(name.to_owned()).or_insert_with(|| {
-                    names.push(name.to_owned());
-                    names.len() - 1
-                });
-                points.extend(at(triple, name)?.map(|p| (k, p)));
-            }
-        }
-        rows.push(Row { line, frame, time, points });
+    let mut table = Table::parse_text(text, path)?;
+    if optitrack::is_motive(&table) {
+        return optitrack::parse(table);
     }
-    if header.is_none() {
+    let (mut rate, mut metres) = (None, None);
+    for comment in text.lines().filter_map(|line| line.trim().strip_prefix('#')) {
+        match comment.split_once([':', '=']).map(|(k, v)| (k.trim().to_ascii_lowercase(), v.trim())) {
+            Some((key, value)) if key == "rate" => rate = value.parse::<f64>().ok(),
+            Some((key, value)) if key == "units" || key == "unit" => metres = unit(value),
+            _ => {}
+        }
+    }
+    let line = (!table.is_empty()).then(|| table.line(0));
+    table.lift_header(|_, _| true);
+    let Some(header) = table.names() else {
         return Err(Error::format(
             path,
             None,
             "there is no header",
             "Begin with a line such as time,LKNE.x,LKNE.y,LKNE.z",
         ));
+    };
+    let Columns { frame, time, form } = Columns::parse(&header, path, line)?;
+    let mut read: Vec<usize> = [frame, time].into_iter().flatten().collect();
+    match &form {
+        Form::Wide(_, triples) => read.extend(triples.iter().flatten()),
+        Form::Long(_, triple) => read.extend(triple),
     }
-    let long = matches!(&header, Some((_, Columns { form: Form::Long(..), .. })));
-    assemble(path, names, rows, long, rate, metres)
+    table.settle_decimals(&read)?;
+    let mut names: Vec<String> = match &form {
+        Form::Wide(names, _) => names.clone(),
+        Form::Long(..) => Vec::new(),
+    };
+    let mut known: HashMap<String, usize> = HashMap::new();
+    let mut rows: Vec<Row> = Vec::new();
+    for r in 0..table.len() {
+        let (count, width) = (table.cells(r), table.width());
+        if (width..count).any(|c| !table.cell(r, c).is_empty()) {
+            let what = format!("{count} cells where the header has {width}");
+            return Err(table.fail(r, what, "Correct the row; numbers need a decimal point, not a comma"));
+        }
+        let number = |column: Option<usize>| -> Result<Option<f64>> {
+            let Some(column) = column.filter(|&c| !table.cell(r, c).is_empty()) else { return Ok(None) };
+            match table.number(r, column).filter(|x| x.is_finite()) {
+                Some(x) => Ok(Some(x)),
+                None => {
+                    let what = format!("{:?} is not a frame number or time", shortened(table.cell(r, column)));
+                    Err(table.fail(r, what, "Correct the cell"))
+                }
+            }
+        };
+        let (frame, time) = (number(frame)?, number(time)?);
+        let mut points = Vec::new();
+        match &form {
+            Form::Wide(names, triples) => {
+                check_size(path, rows.len(), names.len())?;
+                for (k, (name, triple)) in names.iter().zip(triples).enumerate() {
+                    points.extend(point(&table, r, triple, name)?.map(|p| (k, p)));
+                }
+            }
+            Form::Long(name, triple) => {
+                let name = table.cell(r, *name);
+                let k = *known.entry(name.to_owned()).or_insert_with(|| {
+                    names.push(name.to_owned());
+                    names.len() - 1
+                });
+                points.extend(point(&table, r, triple, name)?.map(|p| (k, p)));
+            }
+        }
+        rows.push(Row { line: table.line(r), frame, time, points });
+    }
+    let mut notes = Notes::default();
+    table.notes().iter().for_each(|note| notes.say(note.clone()));
+    assemble(path, names, rows, matches!(form, Form::Long(..)), rate, metres, notes)
 }
 
-/// Cells without their blanks and quotation marks.
-fn cells(text: &str, separator: char) -> Vec<&str> {
-    text.split(separator).map(|c| c.trim().trim_matches('"').trim()).collect()
+/// Three cells of a row as a position; a gap if one of them is empty, missing or not finite.
+pub(super) fn point(table: &Table, row: usize, columns: &[usize; 3], name: &str) -> Result<Option<DVec3>> {
+    let mut xyz = [f64::NAN; 3];
+    for (x, &column) in xyz.iter_mut().zip(columns) {
+        let cell = table.cell(row, column);
+        if cell.is_empty() {
+            return Ok(None);
+        }
+        *x = table.number(row, column).ok_or_else(|| {
+            let what = format!("marker {}: {:?} is not a number", shortened(name), shortened(cell));
+            table.fail(row, what, "Write numbers with a decimal point, and leave gaps empty")
+        })?;
+    }
+    let p = DVec3::from(xyz);
+    Ok(p.is_finite().then_some(p))
 }
 
 impl Columns {
-    fn parse(header: &[&str], path: &Path, line: usize) -> Result<Self> {
+    fn parse(header: &[&str], path: &Path, line: Option<usize>) -> Result<Self> {
         let lower: Vec<String> = header.iter().map(|h| h.to_lowercase()).collect();
         let find = |names: &[&str]| lower.iter().position(|h| names.contains(&h.as_str()));
         let frame = find(&["frame", "frame#", "frames", "index"]);
         let time = find(&["time", "t", "time (s)", "time_s", "seconds", "timestamp"]);
-        let count = header.len();
         if let (Some(name), Some(x), Some(y), Some(z)) =
             (find(&["marker", "name", "label", "joint"]), find(&["x"]), find(&["y"]), find(&["z"]))
         {
-            return Ok(Self { frame, time, form: Form::Long(name, [x, y, z]), count });
+            return Ok(Self { frame, time, form: Form::Long(name, [x, y, z]) });
         }
         let (mut names, mut triples) = (Vec::new(), Vec::new());
         let mut index = HashMap::new();
@@ -166,27 +175,27 @@ impl Columns {
         }
         if let Some(k) = triples.iter().position(|t| t.contains(&usize::MAX)) {
             let what = format!("marker {:?} lacks one of its columns x, y and z", shortened(&names[k]));
-            return Err(Error::format(path, Some(line), what, "Give three columns a marker"));
+            return Err(Error::format(path, line, what, "Give three columns a marker"));
         }
         if names.is_empty() {
             let what = "the header names no marker";
             let remedy = "Write time,LKNE.x,LKNE.y,LKNE.z,... or time,marker,x,y,z";
-            return Err(Error::format(path, Some(line), what, remedy));
+            return Err(Error::format(path, line, what, remedy));
         }
-        Ok(Self { frame, time, form: Form::Wide(names, triples), count })
+        Ok(Self { frame, time, form: Form::Wide(names, triples) })
     }
 }
 
 /// Puts the rows into their frames.
-fn assemble(
+pub(super) fn assemble(
     path: &Path,
     names: Vec<String>,
     rows: Vec<Row>,
     long: bool,
     rate: Option<f64>,
     metres: Option<f64>,
+    notes: Notes,
 ) -> Result<Motion> {
-    let notes = Notes::default();
     let all = |f: fn(&Row) -> Option<f64>| rows.iter().map(f).collect::<Option<Vec<f64>>>();
     let (numbers, times) = (all(|r| r.frame), all(|r| r.time));
     let step = times.as_deref().and_then(usual_step);

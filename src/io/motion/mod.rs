@@ -12,6 +12,7 @@ mod bvh;
 mod c3d;
 mod c3d_parameters;
 mod csv;
+mod optitrack;
 mod skeleton;
 mod trc;
 

@@ -5,7 +5,8 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::{Clip, Motion, shortened, unit};
-use crate::io::source::{self, Notes};
+use crate::io::encoding;
+use crate::io::source::Notes;
 use crate::{Error, Result};
 
 /// Reads a TRC file: three lines of header, two of column names, one row a frame. Empty cells are gaps.
@@ -14,14 +15,19 @@ use crate::{Error, Result};
 /// [`Error::Io`]; [`Error::Format`] naming the line, for a header without markers or a cell that is not a number.
 pub fn read_trc(path: impl AsRef<Path>) -> Result<Motion> {
     let path = path.as_ref();
-    parse(&source::read_text(path)?, path)
+    let text = encoding::read_text(path)?;
+    let mut motion = parse(&text.text, path)?;
+    motion.warnings.extend(text.note);
+    Ok(motion)
 }
 
 pub(super) fn parse(text: &str, path: &Path) -> Result<Motion> {
     let cut = |line: usize, what: &str| {
         Error::format(path, Some(line), format!("{what} is missing"), "Export the file again as TRC")
     };
-    let mut lines = text.lines().enumerate().map(|(k, line)| (k + 1, line));
+    // Old Macs end lines in CR alone.
+    let end = if text.contains('\n') { '\n' } else { '\r' };
+    let mut lines = text.split(end).enumerate().map(|(k, line)| (k + 1, line.trim_end_matches('\r')));
     let (_, first) = lines.next().ok_or_else(|| cut(1, "the header"))?;
     if !first.trim_start().starts_with("PathFileType") {
         let what = "a TRC file begins with PathFileType";
@@ -83,7 +89,7 @@ fn row(text: &str, names: &[String], path: &Path, line: usize) -> Result<Vec<Opt
 }
 
 /// Three cells as a position; a gap if one of them is empty, missing or not finite.
-pub(super) fn point(cells: &[&str], name: &str, path: &Path, line: usize) -> Result<Option<DVec3>> {
+fn point(cells: &[&str], name: &str, path: &Path, line: usize) -> Result<Option<DVec3>> {
     let mut xyz = [f64::NAN; 3];
     for (x, cell) in xyz.iter_mut().zip(cells) {
         if cell.is_empty() {

@@ -47,8 +47,8 @@ impl Camera {
         let radius = if radius > 0.0 { radius } else { 1.0 };
         let (sin_a, cos_a) = options.azimuth.to_radians().sin_cos();
         let (sin_e, cos_e) = options.elevation.to_radians().sin_cos();
-        let back = DVec3::new(sin_a * cos_e, sin_e, cos_a * cos_e);
-        let right = DVec3::new(cos_a, 0.0, -sin_a);
+        let back = options.up.from_y(DVec3::new(sin_a * cos_e, sin_e, cos_a * cos_e));
+        let right = options.up.from_y(DVec3::new(cos_a, 0.0, -sin_a));
         let half = 0.5 * options.field_of_view.to_radians();
         let distance = (half > 0.0).then(|| radius / half.sin());
         let mut camera = Self {

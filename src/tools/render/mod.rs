@@ -14,7 +14,7 @@ use image::{Rgba, RgbaImage};
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::geometry::{Mesh, Placement, SurfacePoint};
+use crate::geometry::{Mesh, Placement, SurfacePoint, UpAxis};
 use camera::Camera;
 use shade::Shader;
 
@@ -51,7 +51,9 @@ pub struct RenderOptions {
     pub width: u32,
     /// Pixels per column.
     pub height: u32,
-    /// Where the camera stands, degrees around the y axis: 0 looks at the +z side, 90 at the +x side.
+    /// The axis of the mesh that points up in the picture.
+    pub up: UpAxis,
+    /// Where the camera stands, degrees around the axis that points up: 0 looks at the front (the +z side, with z up the -y side), 90 at the +x side.
     pub azimuth: f64,
     /// Height of the camera above the horizon, degrees.
     pub elevation: f64,
@@ -78,6 +80,7 @@ impl Default for RenderOptions {
         Self {
             width: 800,
             height: 800,
+            up: UpAxis::Y,
             azimuth: 20.0,
             elevation: 8.0,
             field_of_view: 25.0,
