@@ -142,7 +142,7 @@ pub fn read_npy(path: impl AsRef<Path>) -> Result<NpyMatrix> {
         _ => return Err(fail(format!("the array has {} dimensions, not 2", shape.len()))),
     };
     // The count must be that of the file before anything is allocated from it.
-    let count = rows.checked_mul(columns).unwrap_or(u64::MAX);
+    let count = rows.saturating_mul(columns);
     let (kind, width) = match file.dtype() {
         DType::Plain(t) => (t.type_char(), t.size_field()),
         _ => return Err(fail("the array holds records, not numbers".into())),

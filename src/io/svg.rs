@@ -9,7 +9,7 @@ use roxmltree::{Attribute, Document, Node, ParsingOptions};
 use super::obj::shortened;
 use super::outline::{MappedShape, Part, Shape};
 use super::svg_path::{parse_path, parse_points, write_path, write_points};
-use super::svg_transform::{Affine, length, own};
+use super::svg_transform::{Affine, length, placement, view_size};
 use super::{output, source};
 use crate::{Error, Result};
 
@@ -351,32 +351,6 @@ fn outline_of(kind: Kind, v: [Option<f64>; 6]) -> Option<String> {
         }
         _ => None,
     }
-}
-
-/// The transforms of an element and all around it; `None` if one depends on more than the drawing's coordinates.
-fn placement(node: Node<'_, '_>, view: Option<DVec2>) -> std::result::Result<Option<Affine>, String> {
-    let mut all = Affine::IDENTITY;
-    for ancestor in node.ancestors().filter(Node::is_element) {
-        match own(ancestor, view)? {
-            Ok(outer) => all = outer.after(all),
-            Err(_) => return Ok(None),
-        }
-    }
-    Ok(Some(all))
-}
-
-/// The size of the drawing in its own coordinates, which per cents refer to.
-fn view_size(root: Node<'_, '_>) -> Option<DVec2> {
-    let size = match root.attribute("viewBox") {
-        Some(text) => {
-            let words = text.split([',', ' ', '\t', '\n', '\r']).filter(|w| !w.is_empty());
-            let numbers: Vec<f64> = words.map(|w| w.parse().ok()).collect::<Option<_>>()?;
-            let [_, _, width, height] = numbers[..] else { return None };
-            DVec2::new(width, height)
-        }
-        None => DVec2::new(length(root.attribute("width")?)?, length(root.attribute("height")?)?),
-    };
-    size.is_finite().then_some(size)
 }
 
 /// The text between the quotes of an attribute.

@@ -186,3 +186,36 @@ fn clips_and_bindings_that_cannot_be_used_are_told() {
     assert_eq!(f.run("animate body.obj --motion walk.csv --stiffness -1 -o out.glb").code, Some(2));
     assert!(!f.path("out.glb").exists());
 }
+
+#[test]
+fn a_take_of_motive_moves_as_the_plain_table_does() {
+    let (f, _) = walk(4, |frame, k, p| (k != 7 || frame != 2).then_some(p));
+    let text = f.read("walk.csv");
+    let row = |cell: &dyn Fn(usize) -> String| (0..120).map(cell).collect::<Vec<_>>().join(",");
+    let axis = |k: usize| ["X", "Y", "Z"][k % 3].to_owned();
+    let mut take = String::from(
+        "Format Version,1.25,Take Name,walk,Capture Frame Rate,240,Export Frame Rate,30,Length Units,Centimeters\r\n\r\n",
+    );
+    for (word, cell) in [
+        ("Type", &|_: usize| "Marker".to_owned()),
+        ("Name", &|k: usize| format!("Anna:M{}", k / 3)),
+        ("ID", &|k: usize| (k / 3).to_string()),
+        ("", &|_: usize| "Position".to_owned()),
+    ] as [(&str, &dyn Fn(usize) -> String); 4]
+    {
+        write!(take, ",{word},{}\r\n", row(cell)).unwrap();
+    }
+    write!(take, "Frame,Time (Seconds),{}\r\n", row(&axis)).unwrap();
+    for (k, line) in text.lines().skip(1).enumerate() {
+        write!(take, "{k},{line}\r\n").unwrap();
+    }
+    f.write("take.csv", &take);
+    for (clip, out) in [("walk.csv", "plain"), ("take.csv", "motive")] {
+        f.run(&format!("animate body.obj --motion {clip} --markers m.json --reference 0 --quality preview -o {out}"))
+            .succeeds();
+    }
+    for frame in 0..4 {
+        let name = format!("frame_000{frame}.obj");
+        assert_eq!(f.bytes(&format!("plain/{name}")), f.bytes(&format!("motive/{name}")), "{name}");
+    }
+}

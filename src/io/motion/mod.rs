@@ -285,6 +285,8 @@ fn unit(text: &str) -> Option<f64> {
 }
 
 #[cfg(test)]
+mod dialect_tests;
+#[cfg(test)]
 mod fuzz;
 #[cfg(test)]
 mod tests;

@@ -1,6 +1,6 @@
 //! What each case has to give: the values that its README expects.
 
-use barymap::io::attribute_table::{Columns, read_attributes};
+use barymap::io::attribute_table::read_colors;
 use barymap::io::read_mesh;
 use barymap::raster::Image;
 use glam::{DMat4, DVec3};
@@ -60,7 +60,7 @@ fn bake_vertex_colours(case: &Case) {
     succeeded(case);
     let out = case.folder.image("out.png");
     assert_eq!((out.width, out.height), (64, 64));
-    let colours = read_attributes(case.folder.path("source.ply"), &Columns::Colors).unwrap();
+    let colours = read_colors(case.folder.path("source.ply")).unwrap();
     let mesh = read_mesh(case.folder.path("source.ply")).unwrap().mesh;
     for (p, c) in mesh.positions.iter().zip(colours.values.chunks(3)) {
         // The texel at a vertex in the plane of the sheet, inside the border.
@@ -323,7 +323,7 @@ fn npy_integer_labels(case: &Case) {
 /// Vertex 20 keeps its colour.
 fn ply_colours(case: &Case) {
     succeeded(case);
-    let table = read_attributes(case.folder.path("out.ply"), &Columns::Colors).unwrap();
+    let table = read_colors(case.folder.path("out.ply")).unwrap();
     let row: Vec<f64> = table.values[20 * table.columns.len()..][..3].iter().map(|c| (255.0 * c).round()).collect();
     for (found, expected) in row.iter().zip([64.0, 64.0, 191.0]) {
         assert!((found - expected).abs() <= 1.0, "{row:?}");
