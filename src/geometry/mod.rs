@@ -20,8 +20,8 @@ pub mod texcoords;
 pub mod topology;
 mod triangulate;
 pub(crate) mod union_find;
-pub mod weld;
 pub mod up_axis;
+pub mod weld;
 
 pub use closest::ClosestPoints;
 pub use diagnosis::Diagnosis;
@@ -35,5 +35,5 @@ pub use polygon::{Defect, Polygon, Side};
 pub use simplify::{Simplified, SimplifyOptions, simplify};
 pub use surface_point::SurfacePoint;
 pub use topology::Topology;
-pub use weld::{Weld, Welded};
 pub use up_axis::UpAxis;
+pub use weld::{Weld, Welded};
