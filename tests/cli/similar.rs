@@ -204,13 +204,19 @@ fn run(f: &Folder, command: &str) {
     f.run(&format!("{command}{landmarks} --report report.json")).succeeds();
 }
 
+/// The columns and the numbers of an array.
+fn matrix(folder: &Folder, name: &str) -> (usize, Vec<f64>) {
+    let matrix = barymap::io::npy::read_npy(folder.path(name)).unwrap();
+    (matrix.columns, matrix.values)
+}
+
 /// Compares a file of two folders; `b` is moved.
 fn same_file(name: &str, a: &Folder, b: &Folder, motion: &Motion) -> Result<(), String> {
     match name.rsplit('.').next().unwrap() {
         "png" => same_if(a.image(name) == b.image(name), || format!("{name}: other pixels")),
         "svg" => same_if(a.read(name) == b.read(name), || format!("{name}: another drawing")),
         "npy" => {
-            let [(columns, x), (others, y)] = [a, b].map(|f| barymap::io::npy::read_npy(f.path(name)).unwrap());
+            let [(columns, x), (others, y)] = [a, b].map(|f| matrix(f, name));
             // Embeddings are as large as the mesh, weights are not.
             let scale = if name == "e.npy" { motion.scale } else { 1.0 };
             let same = columns == others && x.iter().zip(&y).all(|(x, y)| x * scale == *y);
@@ -333,7 +339,7 @@ fn check(motions: &[Motion]) {
         if command.starts_with("average") {
             // The weights that were found before.
             for f in moved.iter().chain([&rest]) {
-                let (columns, weights) = barymap::io::npy::read_npy(f.path("w.npy")).unwrap();
+                let (columns, weights) = matrix(f, "w.npy");
                 let row = |r: &[f64]| r.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
                 f.write("w.csv", &weights.chunks(columns).map(row).collect::<Vec<_>>().join("\n"));
             }
