@@ -87,8 +87,10 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         .map_err(|e| Error::io(&arguments.output, e, "Name a folder that can be made and written with -o"))?;
     let mut session = Session::start(common)?;
     let source = session.mesh(&arguments.source)?;
-    require_texcoords(&source)?;
     let mut layers = transfer::textures(&arguments.texture, true, &source, &session)?;
+    if layers.iter().any(Textures::needs_texcoords) {
+        require_texcoords(&source)?;
+    }
     arguments.kinds.set(&mut layers)?;
     let names = arguments.names(&layers)?;
     session.watch.lap("read");

@@ -123,9 +123,9 @@ pub(super) fn tiles(content: &TextureContent) -> Option<TextureName> {
     }
 }
 
-/// Multiplies a picture by the factors of its material, as glTF says (2.0, sections 3.9.2 and 5.19): colours as light.
-/// True if anything changed. Diffuse colours beside a picture are leftovers in most MTL files, and are passed over.
-pub(super) fn multiply(image: &mut Image, role: &str, material: &Material) -> Result<bool> {
+/// The factors of a material that multiply its picture in a role, as glTF says (2.0, sections 3.9.2 and 5.19); `None` where
+/// all are 1. Diffuse colours beside a picture are leftovers in most MTL files, and are passed over.
+pub(super) fn factors(role: &str, material: &Material) -> Option<[f32; 4]> {
     let look = &material.look;
     let gltf = material.has_base_color && !material.srgb_base_color;
     let [r, g, b, a] = material.base_color;
@@ -135,11 +135,13 @@ pub(super) fn multiply(image: &mut Image, role: &str, material: &Material) -> Re
         "metallic_roughness" if gltf => [1.0, look.roughness, look.metallic, 1.0],
         "occlusion" if gltf => [look.occlusion_strength; 4],
         "normal" => [look.normal_scale, look.normal_scale, 1.0, 1.0],
-        _ => return Ok(false),
+        _ => return None,
     };
-    if factors == [1.0; 4] {
-        return Ok(false);
-    }
+    Some(factors).filter(|f| *f != [1.0; 4])
+}
+
+/// Multiplies a picture by its [`factors`]: colours as light, normals and occlusion by their own rules.
+pub(super) fn multiply(image: &mut Image, role: &str, factors: [f32; 4]) -> Result<()> {
     if image.channels < 3 && role != "occlusion" {
         *image = image.converted(image.channels + 2, image.depth())?;
     }
@@ -167,7 +169,7 @@ pub(super) fn multiply(image: &mut Image, role: &str, material: &Material) -> Re
             }
         }
     }
-    Ok(true)
+    Ok(())
 }
 
 /// A stored normal with its first two components scaled (glTF 2.0, section 5.20).

@@ -1,6 +1,7 @@
 //! `barymap transfer`: the textures of one mesh on another.
 
 mod appearance;
+mod layer_reader;
 mod model;
 mod pictures;
 mod textures;
