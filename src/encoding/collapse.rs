@@ -77,7 +77,8 @@ impl<'a> Collapser<'a> {
 
     /// The cheapest collapse of `v` that the rules allow.
     pub(crate) fn best(&self, v: u32, mean_edge: f64, rules: &Rules) -> Option<Candidate> {
-        if self.irregular[v as usize] {
+        // A longer ring gives every neighbour too many.
+        if self.irregular[v as usize] || self.rings[v as usize].len() > rules.most_neighbours + 3 {
             return None;
         }
         let mut best: Option<Candidate> = None;

@@ -95,6 +95,10 @@ pub fn simplify(positions: &[DVec3], triangles: &[[u32; 3]], options: &SimplifyO
     }
 }
 
+/// Vertices of more faces than this stay, and nothing is moved onto them: each collapse looks at all faces of both ends, and at what may come next around
+/// the one that stays. Their neighbours collapse into one another until they have fewer.
+const MANY: usize = 64;
+
 /// The mesh while it is being simplified.
 struct Collapser<'a> {
     positions: &'a [DVec3],
@@ -159,7 +163,7 @@ impl<'a> Collapser<'a> {
         let faces = &self.around[v as usize];
         let mut once = [0u32; 2];
         let (mut found, mut count) = (0, 0);
-        let mut seen: [u32; 64] = [0; 64];
+        let mut seen: [u32; MANY] = [0; MANY];
         let mut distinct = 0;
         for &f in faces {
             for w in self.triangles[f as usize].into_iter().filter(|&w| w != v) {
@@ -253,6 +257,9 @@ impl<'a> Collapser<'a> {
         // Link condition: the common neighbours are the opposite corners of the faces at the edge.
         let at_edge = faces.iter().filter(|&&f| self.triangles[f as usize].contains(&to)).count();
         let far = &self.around[to as usize];
+        if far.len() > MANY {
+            return None;
+        }
         let common =
             ring.iter().filter(|&&w| w != to && far.iter().any(|&f| self.triangles[f as usize].contains(&w))).count();
         if common != at_edge || faces.len() == at_edge {
