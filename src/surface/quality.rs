@@ -37,8 +37,9 @@ pub fn distortion(
         image_area: f64,
         forward: f64,
         backward: f64,
-        turned: bool,
+        flipped: bool,
     }
+    let over = flipped(target, topology, images, normals);
     let unit_target = 1.0 / target.area().sqrt();
     let unit_source = 1.0 / source_area.sqrt();
     let mut list: Vec<Measured> = Vec::new();
@@ -62,7 +63,7 @@ pub fn distortion(
             image_area: 0.5 * image_normal.length(),
             forward: 0.5 * trace,
             backward,
-            turned: turns([a, b, c], v.map(|v| normals[v])),
+            flipped: over.binary_search(&(t as u32)).is_ok(),
         });
     }
     let mapped: f64 = list.iter().map(|m| m.area).sum();
@@ -75,9 +76,7 @@ pub fn distortion(
             mapped_faces: 0,
         };
     }
-    let turned: f64 = list.iter().filter(|m| m.turned).map(|m| m.area).sum();
-    let mirrored = turned > 0.5 * mapped;
-    let flipped_faces = list.iter().filter(|m| m.turned != mirrored).count();
+    let flipped_area: f64 = list.iter().filter(|m| m.flipped).map(|m| m.area).sum();
     let efficiency = |part: &[Measured]| {
         let area: f64 = part.iter().map(|m| m.area).sum();
         let image: f64 = part.iter().map(|m| m.image_area).sum();
@@ -100,9 +99,9 @@ pub fn distortion(
     Distortion {
         stretch_all: efficiency(&list),
         stretch_best95: if kept > 0 { efficiency(&list[..kept]) } else { 0.0 },
-        flipped_faces,
+        flipped_faces: over.len(),
         // An empty sum is -0.
-        flipped_area: if mirrored { mapped - turned } else { turned } / mapped + 0.0,
+        flipped_area: flipped_area / mapped + 0.0,
         mapped_faces: list.len(),
     }
 }

@@ -68,17 +68,22 @@ impl Scene {
 
     /// The SMPL pair with 93 vertices far from one another as anchors.
     pub(crate) fn real() -> Self {
+        Self::pair("gt/smpl_same/man.obj", "gt/smpl_same/woman.obj", 93)
+    }
+
+    /// Two meshes of the same connectivity, with so many vertices far from one another as anchors.
+    pub(crate) fn pair(source: &str, target: &str, anchors: usize) -> Self {
         let read = |file: &str| {
             let folder = std::env::var_os("BARYMAP_DATA").expect("BARYMAP_DATA names the folder of real models");
-            let path = std::path::Path::new(&folder).join("gt/smpl_same").join(file);
+            let path = std::path::Path::new(&folder).join(file);
             let mesh = barymap::io::read_mesh(path).unwrap().mesh;
             let topology = Topology::new(&mesh);
             let options = EmbeddingOptions { landmarks: 1000, ..EmbeddingOptions::default() };
             let embedding = Embedding::compute(&mesh, &topology, &options, &Quiet).unwrap();
             (mesh, topology, embedding)
         };
-        let (source, target) = (read("man.obj"), read("woman.obj"));
-        let vertices = farthest_points(&Geodesics::new(&target.0.positions, &target.0.triangles()), 0, 93);
+        let (source, target) = (read(source), read(target));
+        let vertices = farthest_points(&Geodesics::new(&target.0.positions, &target.0.triangles()), 0, anchors);
         let on = |side: &(Mesh, Topology, Embedding)| -> Vec<SurfacePoint> {
             vertices.iter().map(|&v| vertex_point(&side.0, &side.1, v, "anchor").unwrap()).collect()
         };
