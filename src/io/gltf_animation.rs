@@ -2,11 +2,13 @@
 
 use std::path::Path;
 
-use glam::{DQuat, DVec3, Vec3};
+use glam::{DQuat, DVec3, Quat, Vec3};
 use serde_json::{Value, json};
 
 use super::gltf_components::{Components, normal_change};
-use super::gltf_write::{ARRAY, FLOAT, GlbMaterial, Parts, Split, UNSIGNED_INT, glb_with, vertex_normals};
+use super::gltf_parts::{ARRAY, FLOAT, Parts, UNSIGNED_INT};
+use super::gltf_split::{Split, SplitVertex, vertex_normals};
+use super::gltf_write::{GlbMaterial, glb_with};
 use super::output;
 use crate::geometry::Mesh;
 use crate::{Error, Result};
@@ -116,14 +118,20 @@ pub fn animated_glb_bytes(
         }
         None => every_frame(mesh, animation.frames),
     };
+    let rest = vertex_normals(mesh, &mesh.positions);
     let write = |split: &Split, out: &mut Parts| {
         let all = targets.shapes.iter().zip(&targets.normals);
-        Ok(all
-            .map(|(shape, normals)| {
-                let pick = |of: &[Vec3]| split.pairs.iter().map(|&(v, _)| of[v as usize]).collect::<Vec<_>>();
-                json!({"POSITION": displacements(&pick(shape), true, out), "NORMAL": displacements(&pick(normals), false, out)})
-            })
-            .collect())
+        let target = |(shape, normals): (&Vec<Vec3>, &Vec<Vec3>)| {
+            // Joined vertices move with the one that stands for them.
+            let moved = |v: &SplitVertex| shape[mesh.representative(v.vertex) as usize];
+            let turned = |v: &SplitVertex| {
+                let r = mesh.representative(v.vertex) as usize;
+                turned(v.normal, rest[r].as_vec3(), normals[r])
+            };
+            let (shape, normals): (Vec<_>, Vec<_>) = split.vertices.iter().map(|v| (moved(v), turned(v))).unzip();
+            json!({"POSITION": displacements(&shape, true, out), "NORMAL": displacements(&normals, false, out)})
+        };
+        Ok(all.map(target).collect())
     };
     let finish = |root: &mut Value, out: &mut Parts| channels(animation, &targets, root, out);
     let bytes = glb_with(mesh, materials, write, finish)?;
@@ -134,6 +142,16 @@ pub fn animated_glb_bytes(
         bytes: bytes.len(),
     };
     Ok((bytes, report))
+}
+
+/// The change of a corner's `normal` where the smooth one of its vertex changes from `rest` by `change`: both turn by
+/// the same least rotation.
+fn turned(normal: Vec3, rest: Vec3, change: Vec3) -> Vec3 {
+    let after = (rest + change).try_normalize();
+    match after.filter(|_| normal.distance_squared(rest) > 1e-10) {
+        Some(after) => Quat::from_rotation_arc(rest, after) * normal - normal,
+        None => change,
+    }
 }
 
 fn too_large(mesh: &Mesh, targets: usize, remedy: &str) -> Error {
@@ -259,7 +277,10 @@ fn channels(animation: &GlbAnimation<'_>, targets: &Components, root: &mut Value
         root["meshes"][0]["extras"] = json!({"targetNames": names});
     }
     if !animation.placements.is_empty() {
-        let shifts = animation.placements.iter().flat_map(|(_, t)| t.as_vec3().to_array()).collect();
+        // A mesh far from the origin is written around it: q (x + o) + t = o + q x + (q o + t - o).
+        let origin = set_apart(root);
+        let around = |(q, t): &(DQuat, DVec3)| (*q * origin - origin + *t).as_vec3().to_array();
+        let shifts = animation.placements.iter().flat_map(around).collect();
         track("translation", table(shifts, 3, "VEC3", None));
         let mut before = DQuat::IDENTITY;
         let mut turns = Vec::with_capacity(4 * animation.placements.len());
@@ -274,6 +295,17 @@ fn channels(animation: &GlbAnimation<'_>, targets: &Components, root: &mut Value
     if !tracks.is_empty() {
         root["animations"] = json!([{"name": animation.name, "channels": tracks, "samplers": samplers}]);
     }
+}
+
+/// Gives the offset of the mesh's node to a node above it, so that the node itself may be animated; the offset.
+fn set_apart(root: &mut Value) -> DVec3 {
+    let offset = root["nodes"][0].as_object_mut().and_then(|n| n.remove("translation"));
+    let Some(offset) = offset else { return DVec3::ZERO };
+    let part = |k: usize| offset[k].as_f64().unwrap_or(0.0);
+    let origin = DVec3::new(part(0), part(1), part(2));
+    root["nodes"] = json!([root["nodes"][0], {"children": [0], "translation": offset}]);
+    root["scenes"][0]["nodes"] = json!([1]);
+    origin
 }
 
 #[cfg(test)]

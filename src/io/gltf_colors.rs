@@ -9,7 +9,7 @@ use crate::raster::linear_to_srgb;
 ///
 /// # Errors
 /// Damaged data.
-pub(super) fn read(document: &Document<'_>, primitive: &Primitive) -> Result<Option<Vec<[f32; 4]>>> {
+pub(super) fn read(document: &Document, primitive: &Primitive) -> Result<Option<Vec<[f32; 4]>>> {
     let Some(&accessor) = primitive.attributes.get("COLOR_0") else { return Ok(None) };
     let (numbers, channels) = match document.numbers(accessor, 4) {
         Ok(numbers) => (numbers, 4),

@@ -9,7 +9,7 @@ use glam::{DVec3, Vec3};
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::gltf_write::vertex_normals;
+use super::gltf_split::vertex_normals;
 use crate::geometry::Mesh;
 
 /// Frames worked on at a time where each needs memory of the size of the mesh.

@@ -3,21 +3,24 @@
 //! Every index and length of the JSON is checked where it is used, and nothing is allocated beyond what the buffers hold, so that damaged files
 //! end in an error with the place.
 
-use std::borrow::Cow;
 use std::collections::HashMap;
-use std::path::Path;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use glam::DVec3;
 use serde::Deserialize;
 use serde_json::Value;
 
+use super::gltf_container::{base64, split};
 use super::locate::{Located, locate, percent_decoded};
-use super::source;
+use super::{gltf_extensions, source};
 use crate::{Error, Result};
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
 pub(crate) struct Root {
+    pub(crate) extensions_used: Vec<String>,
     pub(crate) extensions_required: Vec<String>,
     pub(crate) scene: Option<usize>,
     pub(crate) scenes: Vec<Scene>,
@@ -27,8 +30,9 @@ pub(crate) struct Root {
     pub(crate) textures: Vec<Texture>,
     pub(crate) samplers: Vec<Sampler>,
     pub(crate) images: Vec<Image>,
-    accessors: Vec<Accessor>,
-    buffer_views: Vec<View>,
+    pub(crate) skins: Vec<Skin>,
+    pub(crate) accessors: Vec<Accessor>,
+    pub(crate) buffer_views: Vec<View>,
     buffers: Vec<Buffer>,
 }
 
@@ -49,6 +53,15 @@ pub(crate) struct Node {
     pub(crate) translation: Option<[f64; 3]>,
     pub(crate) rotation: Option<[f64; 4]>,
     pub(crate) scale: Option<[f64; 3]>,
+    /// Of morph targets; the mesh's own where they are left out.
+    pub(crate) weights: Option<Vec<f64>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+pub(crate) struct Skin {
+    pub(crate) inverse_bind_matrices: Option<usize>,
+    pub(crate) joints: Vec<usize>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -56,15 +69,19 @@ pub(crate) struct Node {
 pub(crate) struct MeshData {
     pub(crate) name: Option<String>,
     pub(crate) primitives: Vec<Primitive>,
+    /// Of morph targets.
+    pub(crate) weights: Option<Vec<f64>>,
 }
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct Primitive {
     pub(crate) attributes: HashMap<String, usize>,
+    pub(crate) targets: Vec<HashMap<String, usize>>,
     pub(crate) indices: Option<usize>,
     pub(crate) material: Option<usize>,
     pub(crate) mode: Option<u32>,
+    pub(crate) extensions: HashMap<String, Value>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -135,21 +152,21 @@ pub(crate) struct Image {
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
-struct Accessor {
-    buffer_view: Option<usize>,
+pub(crate) struct Accessor {
+    pub(crate) buffer_view: Option<usize>,
     #[serde(default)]
-    byte_offset: usize,
-    component_type: u32,
-    count: usize,
+    pub(crate) byte_offset: usize,
+    pub(crate) component_type: u32,
+    pub(crate) count: usize,
     #[serde(rename = "type")]
-    shape: String,
+    pub(crate) shape: String,
     #[serde(default)]
-    normalized: bool,
-    sparse: Option<Sparse>,
+    pub(crate) normalized: bool,
+    pub(crate) sparse: Option<Sparse>,
 }
 
 #[derive(Debug, Deserialize)]
-struct Sparse {
+pub(crate) struct Sparse {
     count: usize,
     indices: SparseIndices,
     values: SparseValues,
@@ -174,12 +191,12 @@ struct SparseValues {
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
-struct View {
-    buffer: usize,
+pub(crate) struct View {
+    pub(crate) buffer: usize,
     #[serde(default)]
-    byte_offset: usize,
-    byte_length: usize,
-    byte_stride: Option<usize>,
+    pub(crate) byte_offset: usize,
+    pub(crate) byte_length: usize,
+    pub(crate) byte_stride: Option<usize>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -188,39 +205,70 @@ struct Buffer {
     uri: Option<String>,
 }
 
-/// The JSON with the bytes of its buffers.
-pub(crate) struct Document<'a> {
-    pub(crate) root: Root,
-    buffers: Vec<Option<Cow<'a, [u8]>>>,
-    /// Bytes of the file and its buffers, the measure of what it may expand to.
-    pub(crate) byte_count: usize,
-    path: &'a Path,
+/// A part of bytes that several owners share.
+#[derive(Clone, Debug)]
+pub(crate) struct Bytes {
+    data: Arc<Vec<u8>>,
+    range: Range<usize>,
 }
 
-impl<'a> Document<'a> {
+impl From<Vec<u8>> for Bytes {
+    fn from(data: Vec<u8>) -> Self {
+        let range = 0..data.len();
+        Self { data: Arc::new(data), range }
+    }
+}
+
+impl std::ops::Deref for Bytes {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        &self.data[self.range.clone()]
+    }
+}
+
+/// The JSON with the bytes of its buffers.
+#[derive(Debug)]
+pub(crate) struct Document {
+    /// All of the JSON, for writing.
+    pub(crate) json: Value,
+    /// What is read of it.
+    pub(crate) root: Root,
+    pub(crate) buffers: Vec<Option<Bytes>>,
+    /// Bytes of the file and its buffers, the measure of what it may expand to.
+    pub(crate) byte_count: usize,
+    pub(crate) path: PathBuf,
+}
+
+impl Document {
     /// Parses `.glb` or `.gltf` content and loads the buffers.
-    pub(crate) fn parse(bytes: &'a [u8], path: &'a Path) -> Result<Self> {
-        let (json, binary) = if bytes.starts_with(b"glTF") { split(bytes, path)? } else { (bytes, None) };
-        let root: Root = serde_json::from_slice(json).map_err(|e| {
+    pub(crate) fn parse(bytes: Vec<u8>, path: &Path) -> Result<Self> {
+        let bytes = Bytes::from(bytes);
+        let (json, binary) =
+            if bytes.starts_with(b"glTF") { split(&bytes, path)? } else { (bytes.range.clone(), None) };
+        let text = &bytes[json];
+        let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
+        let not_gltf = |e: serde_json::Error| {
             let what = format!("the JSON is not that of a glTF 2.0 file: {e}");
             Error::format(path, None, what, "The file is damaged: export the model again")
-        })?;
-        let mut document = Self { root, buffers: Vec::new(), byte_count: bytes.len(), path };
+        };
+        let json: Value = serde_json::from_slice(text).map_err(not_gltf)?;
+        let root = Root::deserialize(&json).map_err(not_gltf)?;
+        let (byte_count, path) = (bytes.len(), path.to_owned());
+        let mut document = Self { json, root, buffers: Vec::new(), byte_count, path };
         document.check_extensions()?;
-        let mut files: HashMap<String, usize> = HashMap::new();
+        // The same file again is the same buffer: a list of one file a million times is not loaded a million times.
+        let mut files: HashMap<String, Bytes> = HashMap::new();
         for k in 0..document.root.buffers.len() {
             let loaded = match document.root.buffers[k].uri.as_deref() {
-                None => (k == 0).then_some(binary).flatten().map(Cow::Borrowed),
-                // The same file again is the same buffer: a list of one file a million times is not loaded a million times.
-                Some(uri) if files.contains_key(uri) => {
-                    let what = format!("buffers {} and {k} are the same file {uri:?}", files[uri]);
-                    return Err(document.error(what, "Export the model again, best as .glb"));
-                }
+                None if k == 0 => binary.clone().map(|range| Bytes { data: bytes.data.clone(), range }),
+                None => None,
+                Some(uri) if files.contains_key(uri) => files.get(uri).cloned(),
                 Some(uri) => {
-                    let bytes = document.resource(uri)?;
-                    files.insert(uri.to_owned(), k);
+                    let bytes = Bytes::from(document.resource(uri)?);
                     document.byte_count += bytes.len();
-                    Some(Cow::Owned(bytes))
+                    files.insert(uri.to_owned(), bytes.clone());
+                    Some(bytes)
                 }
             };
             document.buffers.push(loaded);
@@ -229,27 +277,25 @@ impl<'a> Document<'a> {
     }
 
     pub(crate) fn error(&self, what: impl Into<String>, remedy: &str) -> Error {
-        Error::format(self.path, None, what, remedy)
+        Error::format(&self.path, None, what, remedy)
     }
 
-    fn damaged(&self, what: impl Into<String>) -> Error {
+    pub(crate) fn damaged(&self, what: impl Into<String>) -> Error {
         self.error(what, "The file is damaged or incomplete: export the model again")
     }
 
+    /// Fails on a required extension that is not read.
     fn check_extensions(&self) -> Result<()> {
-        for name in &self.root.extensions_required {
-            let known = ["KHR_mesh_quantization", "KHR_texture_transform", "KHR_lights_punctual"].contains(&&**name)
-                || name.starts_with("KHR_materials_");
-            if name.contains("draco") || name.contains("meshopt") {
-                let what = format!("the mesh is compressed ({name})");
-                return Err(self.error(what, "Export it without compression"));
-            }
-            if !known {
-                let what = format!("the file needs the extension {name:?}, which is not read");
-                return Err(self.error(what, "Export it without that extension"));
-            }
+        match self.root.extensions_required.iter().find(|name| !gltf_extensions::is_read(name)) {
+            Some(name) => Err(self.unread_extension(name)),
+            None => Ok(()),
         }
-        Ok(())
+    }
+
+    /// An error that names an extension and what to do about it.
+    pub(crate) fn unread_extension(&self, name: &str) -> Error {
+        let (what, remedy) = gltf_extensions::refusal(name);
+        self.error(what, remedy)
     }
 
     /// The bytes a URI stands for: embedded as base64, or a file beside this one.
@@ -267,9 +313,9 @@ impl<'a> Document<'a> {
             let what = format!("it refers to {:?}", super::obj::shortened(uri));
             return Err(self.error(what, "Download that file and refer to it by its name"));
         }
-        let decoded = locate(self.path, &percent_decoded(uri.as_bytes()));
+        let decoded = locate(&self.path, &percent_decoded(uri.as_bytes()));
         Ok(if decoded.is_missing() {
-            Some(locate(self.path, uri.as_bytes())).filter(|l| !l.is_missing()).unwrap_or(decoded)
+            Some(locate(&self.path, uri.as_bytes())).filter(|l| !l.is_missing()).unwrap_or(decoded)
         } else {
             decoded
         })
@@ -288,7 +334,7 @@ impl<'a> Document<'a> {
     }
 
     /// The bytes of a buffer view and its stride.
-    fn view(&self, k: usize) -> Result<(&[u8], Option<usize>)> {
+    pub(crate) fn view(&self, k: usize) -> Result<(&[u8], Option<usize>)> {
         let view = self.root.buffer_views.get(k).ok_or_else(|| self.damaged(format!("there is no buffer view {k}")))?;
         let buffer = self.buffers.get(view.buffer).and_then(|b| b.as_deref());
         let buffer = buffer.ok_or_else(|| self.damaged(format!("buffer {} has no data", view.buffer)))?;
@@ -300,14 +346,20 @@ impl<'a> Document<'a> {
         Ok((bytes, view.byte_stride))
     }
 
+    /// Accessor `k`.
+    pub(crate) fn accessor(&self, k: usize) -> Result<&Accessor> {
+        self.root.accessors.get(k).ok_or_else(|| self.damaged(format!("there is no accessor {k}")))
+    }
+
     /// All numbers of accessor `k`, `components` an element.
     pub(crate) fn numbers(&self, k: usize, components: usize) -> Result<Vec<f64>> {
-        let accessor = self.root.accessors.get(k).ok_or_else(|| self.damaged(format!("there is no accessor {k}")))?;
+        let accessor = self.accessor(k)?;
         let declared = match accessor.shape.as_str() {
             "SCALAR" => 1,
             "VEC2" => 2,
             "VEC3" => 3,
             "VEC4" => 4,
+            "MAT4" => 16,
             _ => 0,
         };
         if declared != components {
@@ -322,17 +374,7 @@ impl<'a> Document<'a> {
             None => return Err(self.damaged(format!("accessor {k} has no data"))),
         };
         if let Some(sparse) = &accessor.sparse {
-            let indices = Accessor {
-                buffer_view: None,
-                byte_offset: 0,
-                component_type: sparse.indices.component_type,
-                count: sparse.count,
-                shape: String::new(),
-                normalized: false,
-                sparse: None,
-            };
-            let SparseIndices { buffer_view, byte_offset, .. } = sparse.indices;
-            let at = self.elements(k, buffer_view, byte_offset, sparse.count, 1, &indices)?;
+            let at = self.sparse_indices(k, sparse)?;
             let SparseValues { buffer_view, byte_offset } = sparse.values;
             let new = self.elements(k, buffer_view, byte_offset, sparse.count, components, accessor)?;
             for (index, value) in at.iter().zip(new.chunks_exact(components)) {
@@ -345,6 +387,15 @@ impl<'a> Document<'a> {
         Ok(values)
     }
 
+    /// The first `count` elements of accessor `k` as vectors.
+    pub(crate) fn vectors(&self, k: usize, count: usize) -> Result<Vec<DVec3>> {
+        let numbers = self.numbers(k, 3)?;
+        if numbers.len() < 3 * count {
+            return Err(self.damaged(format!("accessor {k} ends before the last of {count} vertices")));
+        }
+        Ok(numbers.chunks_exact(3).take(count).map(DVec3::from_slice).collect())
+    }
+
     fn elements(
         &self,
         k: usize,
@@ -354,24 +405,7 @@ impl<'a> Document<'a> {
         components: usize,
         kind: &Accessor,
     ) -> Result<Vec<f64>> {
-        let (bytes, stride) = self.view(view)?;
-        let size = match kind.component_type {
-            5120 | 5121 => 1,
-            5122 | 5123 => 2,
-            5125 | 5126 => 4,
-            other => return Err(self.damaged(format!("accessor {k} has the unknown component type {other}"))),
-        };
-        let width = size * components;
-        let stride = stride.unwrap_or(width);
-        if count == 0 {
-            return Ok(Vec::new());
-        }
-        // A stride below the element's width would let a small buffer hold a huge accessor.
-        let end = (count - 1).checked_mul(stride).and_then(|n| n.checked_add(offset)?.checked_add(width));
-        if stride < width || end.is_none_or(|end| end > bytes.len()) {
-            let what = format!("accessor {k} reaches beyond the {} bytes of buffer view {view}", bytes.len());
-            return Err(self.damaged(what));
-        }
+        let size = self.component_size(k, kind.component_type)?;
         let scale = |x: f64, most: f64| if kind.normalized { (x / most).max(-1.0) } else { x };
         let read = |b: &[u8]| match kind.component_type {
             5120 => scale(f64::from(b[0] as i8), 127.0),
@@ -381,80 +415,84 @@ impl<'a> Document<'a> {
             5125 => f64::from(u32::from_le_bytes([b[0], b[1], b[2], b[3]])),
             _ => f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]])),
         };
-        let mut values = Vec::with_capacity(count * components);
-        for element in 0..count {
-            let start = offset + element * stride;
-            values.extend(bytes[start..start + width].chunks_exact(size).map(read));
-        }
-        Ok(values)
+        let slices = self.slices(k, view, offset, count, size * components)?;
+        Ok(slices.flat_map(|element| element.chunks_exact(size).map(read)).collect())
     }
-}
 
-/// The JSON and binary chunks of a GLB container.
-fn split<'a>(bytes: &'a [u8], path: &Path) -> Result<(&'a [u8], Option<&'a [u8]>)> {
-    let remedy = "The file is damaged or cut short: export the model again";
-    let word = |at: usize| -> Option<u32> { Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?)) };
-    match word(4) {
-        Some(2) => {}
-        Some(version) => {
-            let what = format!("glTF version {version} is not read");
-            return Err(Error::format(path, None, what, "Export the model as glTF 2.0"));
+    fn component_size(&self, k: usize, component_type: u32) -> Result<usize> {
+        match component_type {
+            5120 | 5121 => Ok(1),
+            5122 | 5123 => Ok(2),
+            5125 | 5126 => Ok(4),
+            other => Err(self.damaged(format!("accessor {k} has the unknown component type {other}"))),
         }
-        None => return Err(Error::format(path, None, "the header is cut short", remedy)),
     }
-    let mut at = 12;
-    let (mut json, mut binary) = (None, None);
-    while let (Some(length), Some(kind)) = (word(at), word(at + 4)) {
-        let end = (at + 8).saturating_add(length as usize);
-        let Some(chunk) = bytes.get(at + 8..end) else {
-            let what = format!("a chunk of {length} bytes reaches beyond the end of the file");
-            return Err(Error::format(path, None, what, remedy));
+
+    /// The bytes of `count` elements of `width` bytes in a view.
+    fn slices(
+        &self,
+        k: usize,
+        view: usize,
+        offset: usize,
+        count: usize,
+        width: usize,
+    ) -> Result<impl Iterator<Item = &[u8]>> {
+        let (bytes, stride) = self.view(view)?;
+        let stride = stride.unwrap_or(width);
+        // A stride below the element's width would let a small buffer hold a huge accessor.
+        let last = count
+            .checked_sub(1)
+            .map_or(Some(0), |last| last.checked_mul(stride)?.checked_add(offset)?.checked_add(width));
+        if count > 0 && stride < width || last.is_none_or(|end| end > bytes.len()) {
+            let what = format!("accessor {k} reaches beyond the {} bytes of buffer view {view}", bytes.len());
+            return Err(self.damaged(what));
+        }
+        Ok((0..count).map(move |element| &bytes[offset + element * stride..][..width]))
+    }
+
+    /// The elements of accessor `k` as they are stored, one after the other, and the bytes of each.
+    pub(crate) fn raw(&self, k: usize) -> Result<(Vec<u8>, usize)> {
+        let accessor = self.accessor(k)?;
+        let components = match accessor.shape.as_str() {
+            "SCALAR" => 1,
+            "VEC2" => 2,
+            "VEC3" => 3,
+            "VEC4" => 4,
+            other => return Err(self.damaged(format!("accessor {k} of vertices is a {other:?}"))),
         };
-        match kind {
-            0x4e4f_534a if json.is_none() => json = Some(chunk),
-            0x004e_4942 if binary.is_none() => binary = Some(chunk),
-            _ => {}
-        }
-        at = end.next_multiple_of(4);
-    }
-    let json = json.ok_or_else(|| Error::format(path, None, "the JSON chunk is missing", remedy))?;
-    Ok((json, binary))
-}
-
-/// Decodes standard base64, with or without padding; `None` on any other character.
-fn base64(text: &[u8]) -> Option<Vec<u8>> {
-    let text = text.trim_ascii();
-    let text = text.strip_suffix(b"==").or_else(|| text.strip_suffix(b"=")).unwrap_or(text);
-    let mut bytes = Vec::with_capacity(text.len() / 4 * 3 + 2);
-    let (mut bits, mut held) = (0u32, 0);
-    for &c in text {
-        let value = match c {
-            b'A'..=b'Z' => c - b'A',
-            b'a'..=b'z' => c - b'a' + 26,
-            b'0'..=b'9' => c - b'0' + 52,
-            b'+' => 62,
-            b'/' => 63,
-            _ => return None,
+        let width = components * self.component_size(k, accessor.component_type)?;
+        let mut bytes = match accessor.buffer_view {
+            Some(view) => {
+                self.slices(k, view, accessor.byte_offset, accessor.count, width)?.flatten().copied().collect()
+            }
+            None if accessor.count <= self.byte_count => vec![0; accessor.count * width],
+            None => return Err(self.damaged(format!("accessor {k} has no data"))),
         };
-        bits = bits << 6 | u32::from(value);
-        held += 6;
-        if held >= 8 {
-            held -= 8;
-            bytes.push((bits >> held) as u8);
+        if let Some(sparse) = &accessor.sparse {
+            let at = self.sparse_indices(k, sparse)?;
+            let SparseValues { buffer_view, byte_offset } = sparse.values;
+            for (index, value) in at.iter().zip(self.slices(k, buffer_view, byte_offset, sparse.count, width)?) {
+                let start = (*index as usize).saturating_mul(width);
+                let slot = bytes.get_mut(start..start.saturating_add(width));
+                slot.ok_or_else(|| self.damaged(format!("accessor {k} replaces an element it does not have")))?
+                    .copy_from_slice(value);
+            }
         }
+        Ok((bytes, width))
     }
-    Some(bytes)
-}
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn base64_and_percent_codes() {
-        assert_eq!(base64(b"aGVsbG8=").as_deref(), Some(&b"hello"[..]));
-        assert_eq!(base64(b"aGVsbG8h").as_deref(), Some(&b"hello!"[..]));
-        assert_eq!(base64(b"a*"), None);
-        assert_eq!(percent_decoded(b"a%20b%zz%e4%bd%a0%"), "a b%zz\u{4f60}%".as_bytes());
+    /// The elements that a sparse accessor replaces.
+    fn sparse_indices(&self, k: usize, sparse: &Sparse) -> Result<Vec<f64>> {
+        let SparseIndices { buffer_view, byte_offset, component_type } = sparse.indices;
+        let indices = Accessor {
+            buffer_view: None,
+            byte_offset: 0,
+            component_type,
+            count: sparse.count,
+            shape: String::new(),
+            normalized: false,
+            sparse: None,
+        };
+        self.elements(k, buffer_view, byte_offset, sparse.count, 1, &indices)
     }
 }

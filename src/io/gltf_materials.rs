@@ -14,14 +14,14 @@ use crate::geometry::material::{AlphaMode, BASE_COLOR, Look, RoleTexture, Textur
 use crate::geometry::material::{Material, Placement, Wrap};
 
 /// All materials, in file order. Textures of other sets of texture coordinates than the base colour's cannot be carried and are left out.
-pub(super) fn read(document: &Document<'_>, notes: &mut Notes) -> Result<Vec<Material>> {
+pub(super) fn read(document: &Document, notes: &mut Notes) -> Result<Vec<Material>> {
     let mut images = HashMap::new();
     let materials = document.root.materials.iter().enumerate();
     materials.map(|(k, data)| material(document, k, data, &mut images, notes)).collect()
 }
 
 fn material(
-    document: &Document<'_>,
+    document: &Document,
     k: usize,
     data: &MaterialData,
     images: &mut HashMap<usize, Option<Arc<[u8]>>>,
@@ -97,7 +97,7 @@ fn material(
 }
 
 /// How a texture lies on the surface: its sampler, and KHR_texture_transform.
-fn placement(document: &Document<'_>, used: &TextureUse) -> Placement {
+fn placement(document: &Document, used: &TextureUse) -> Placement {
     let placement = match used.extensions.get("KHR_texture_transform") {
         Some(value) => {
             let number = |v: &Value| v.as_f64().filter(|x| x.is_finite());

@@ -4,9 +4,13 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 use serde_json::{Value, json};
 
+use super::gltf_container::container;
+use super::gltf_parts::Parts;
+use super::gltf_scene::GltfScene;
+use super::gltf_split::{Split, origin, vertex_normals};
 use super::output;
 use crate::geometry::material::{AlphaMode, BASE_COLOR, Look, TextureContent};
 use crate::geometry::{Material, Mesh, NONE};
@@ -28,11 +32,13 @@ pub struct GlbMaterial {
     pub look: Look,
 }
 
-/// Writes `mesh` as a binary glTF 2.0 file with computed smooth normals.
+/// Writes `mesh` as a binary glTF 2.0 file.
 ///
+/// Corners keep their normals, so that hard edges stay hard; those without one get the smooth normal of their vertex.
 /// `materials[k]` is used by the polygons with material `k`; polygons without one, or beyond the list, use the first. With one entry the whole mesh
-/// uses it. Vertices are repeated along texture seams, as the format asks; unused ones and triangles that repeat a vertex are left out. Positions
-/// become single precision.
+/// uses it. Vertices are repeated along texture seams and hard edges, as the format asks; unused ones and triangles that
+/// repeat a vertex are left out. Positions become single precision; a mesh far from the origin is written around it,
+/// and its node has the offset in double precision.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Mesh`] if there is no triangle, a position does not fit single precision, or the file would exceed the format's 4 GiB.
@@ -99,15 +105,34 @@ pub(super) fn glb_with(
     glb_of(mesh, materials, |t| mesh.triangle_material(t), targets, finish)
 }
 
+/// The scene that [`write_glb`] makes of a mesh, to be changed before it is written, and for each of its vertices the one
+/// of `mesh`.
+///
+/// # Errors
+/// As [`write_glb`].
+pub fn written_scene(mesh: &Mesh, materials: &[GlbMaterial]) -> Result<(Arc<GltfScene>, Vec<u32>)> {
+    let mut sources = Vec::new();
+    let mut note = |split: &Split| sources.extend(split.vertices.iter().map(|v| v.vertex));
+    let plain = |split: &Split, _: &mut Parts| {
+        note(split);
+        Ok(Vec::new())
+    };
+    let bytes = glb_of(mesh, materials, |t| mesh.triangle_material(t), plain, |_, _| {})?;
+    let scene = super::gltf_read::parse_gltf(&bytes, Path::new(&mesh.name))?.scene;
+    let missing = || Error::mesh(&mesh.name, "it makes no scene", "Use a mesh with faces");
+    Ok((scene.ok_or_else(missing)?, sources))
+}
+
 fn glb_of(
     mesh: &Mesh,
     materials: &[GlbMaterial],
     material_of: impl Fn(usize) -> u32,
-    targets: impl Fn(&Split, &mut Parts) -> Result<Vec<Value>>,
+    mut targets: impl FnMut(&Split, &mut Parts) -> Result<Vec<Value>>,
     finish: impl FnOnce(&mut Value, &mut Parts),
 ) -> Result<Vec<u8>> {
     let mut out = Parts::default();
     let normals = vertex_normals(mesh, &mesh.positions);
+    let origin = origin(mesh);
     let mut primitives = Vec::new();
     for k in 0..materials.len().max(1) {
         let wanted = |t: usize| {
@@ -115,11 +140,11 @@ fn glb_of(
             let m = if m == NONE || m as usize >= materials.len() { 0 } else { m as usize };
             m == k
         };
-        let split = Split::new(mesh, wanted);
+        let split = Split::new(mesh, &normals, wanted);
         if split.indices.is_empty() {
             continue;
         }
-        let mut primitive = split.write(mesh, &normals, &mut out)?;
+        let mut primitive = split.write(mesh, origin, &mut out)?;
         let morphs = targets(&split, &mut out)?;
         if !morphs.is_empty() {
             primitive["targets"] = morphs.into();
@@ -133,7 +158,7 @@ fn glb_of(
         return Err(Error::mesh(&mesh.name, "there is no triangle to write", "Use a mesh with faces"));
     }
     let mut pictures = Pictures::default();
-    let looks: Vec<Value> = materials.iter().map(|m| look(m, &mut pictures, &mut out)).collect();
+    let looks: Vec<Value> = materials.iter().map(|m| look(m, &mut |bytes| pictures.texture(bytes, &mut out))).collect();
     let mut root = json!({
         "asset": {"version": "2.0", "generator": concat!("barymap ", env!("CARGO_PKG_VERSION"))},
         "scene": 0,
@@ -141,6 +166,9 @@ fn glb_of(
         "nodes": [{"mesh": 0}],
         "meshes": [{"primitives": primitives}],
     });
+    if origin != DVec3::ZERO {
+        root["nodes"][0]["translation"] = json!(origin.to_array());
+    }
     // The format forbids empty lists.
     if !looks.is_empty() {
         root["materials"] = looks.into();
@@ -149,13 +177,18 @@ fn glb_of(
         root["textures"] = (0..pictures.images.len()).map(|k| json!({"source": k, "sampler": 0})).collect();
         root["images"] = pictures.images.into();
         // Repeating, with mip-maps: texture coordinates outside the unit square repeat as everywhere in this crate.
-        root["samplers"] = json!([{"magFilter": 9729, "minFilter": 9987, "wrapS": 10497, "wrapT": 10497}]);
+        root["samplers"] = json!([repeating()]);
     }
     finish(&mut root, &mut out);
     root["accessors"] = std::mem::take(&mut out.accessors).into();
     root["bufferViews"] = std::mem::take(&mut out.views).into();
     root["buffers"] = json!([{"byteLength": out.bytes.len()}]);
     container(&mesh.name, root.to_string().into_bytes(), &out.bytes)
+}
+
+/// The sampler of pictures that are written.
+pub(super) fn repeating() -> Value {
+    json!({"magFilter": 9729, "minFilter": 9987, "wrapS": 10497, "wrapT": 10497})
 }
 
 /// The pictures written so far.
@@ -178,8 +211,8 @@ impl Pictures {
     }
 }
 
-/// The description of a material.
-fn look(material: &GlbMaterial, pictures: &mut Pictures, out: &mut Parts) -> Value {
+/// The description of a material; `texture` gives the reference to a picture.
+pub(super) fn look(material: &GlbMaterial, texture: &mut dyn FnMut(&Arc<[u8]>) -> Value) -> Value {
     let l = &material.look;
     let unit = |x: f32| if x.is_finite() { x.clamp(0.0, 1.0) } else { 1.0 };
     let mut pbr = json!({
@@ -189,20 +222,20 @@ fn look(material: &GlbMaterial, pictures: &mut Pictures, out: &mut Parts) -> Val
     });
     let mut value = json!({"name": material.name, "doubleSided": l.double_sided});
     if let Some(bytes) = &material.texture {
-        pbr["baseColorTexture"] = pictures.texture(bytes, out);
+        pbr["baseColorTexture"] = texture(bytes);
     }
     for (role, bytes) in &material.textures {
         match role.as_str() {
-            "metallic_roughness" => pbr["metallicRoughnessTexture"] = pictures.texture(bytes, out),
+            "metallic_roughness" => pbr["metallicRoughnessTexture"] = texture(bytes),
             "normal" => {
-                value["normalTexture"] = pictures.texture(bytes, out);
+                value["normalTexture"] = texture(bytes);
                 value["normalTexture"]["scale"] = json!(l.normal_scale);
             }
             "occlusion" => {
-                value["occlusionTexture"] = pictures.texture(bytes, out);
+                value["occlusionTexture"] = texture(bytes);
                 value["occlusionTexture"]["strength"] = json!(unit(l.occlusion_strength));
             }
-            "emissive" => value["emissiveTexture"] = pictures.texture(bytes, out),
+            "emissive" => value["emissiveTexture"] = texture(bytes),
             // The format has no place for others.
             _ => {}
         }
@@ -222,147 +255,10 @@ fn look(material: &GlbMaterial, pictures: &mut Pictures, out: &mut Parts) -> Val
     value
 }
 
-/// The two chunks, padded as the format asks.
-fn container(name: &str, mut json: Vec<u8>, binary: &[u8]) -> Result<Vec<u8>> {
-    json.resize(json.len().next_multiple_of(4), b' ');
-    let total = 12 + 8 + json.len() + 8 + binary.len();
-    if u32::try_from(total).is_err() {
-        let what = format!("the file would have {total} bytes, GLB allows 4 GiB");
-        return Err(Error::mesh(name, what, "Use smaller textures"));
-    }
-    let mut file = Vec::with_capacity(total);
-    for word in [0x4654_6c67, 2, total as u32, json.len() as u32, 0x4e4f_534a] {
-        file.extend_from_slice(&u32::to_le_bytes(word));
-    }
-    file.extend_from_slice(&json);
-    for word in [binary.len() as u32, 0x004e_4942] {
-        file.extend_from_slice(&u32::to_le_bytes(word));
-    }
-    file.extend_from_slice(binary);
-    Ok(file)
-}
-
-/// The binary chunk as it grows, and what describes it.
-#[derive(Default)]
-pub(super) struct Parts {
-    pub(super) bytes: Vec<u8>,
-    views: Vec<Value>,
-    pub(super) accessors: Vec<Value>,
-}
-
-impl Parts {
-    pub(super) fn view(&mut self, bytes: &[u8], target: Option<u32>) -> usize {
-        let mut view = json!({"buffer": 0, "byteOffset": self.bytes.len(), "byteLength": bytes.len()});
-        if let Some(target) = target {
-            view["target"] = target.into();
-        }
-        self.bytes.extend_from_slice(bytes);
-        self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
-        self.views.push(view);
-        self.views.len() - 1
-    }
-
-    fn accessor(&mut self, bytes: &[u8], target: u32, component: u32, count: usize, shape: &str) -> usize {
-        let view = self.view(bytes, Some(target));
-        self.accessors.push(json!({"bufferView": view, "componentType": component, "count": count, "type": shape}));
-        self.accessors.len() - 1
-    }
-}
-
-pub(super) const ARRAY: u32 = 34962;
-const ELEMENTS: u32 = 34963;
-pub(super) const FLOAT: u32 = 5126;
-pub(super) const UNSIGNED_INT: u32 = 5125;
-
-/// The vertices of one material, one for each pair of a vertex and a texture coordinate.
-pub(super) struct Split {
-    /// A vertex of the mesh and a texture coordinate for each vertex written.
-    pub(super) pairs: Vec<(u32, u32)>,
-    indices: Vec<u32>,
-    textured: bool,
-}
-
-impl Split {
-    fn new(mesh: &Mesh, wanted: impl Fn(usize) -> bool) -> Self {
-        let mut index = HashMap::new();
-        let mut split = Self { pairs: Vec::new(), indices: Vec::new(), textured: false };
-        for t in (0..mesh.triangle_count()).filter(|&t| wanted(t)) {
-            let corners = mesh.triangle_corners(t);
-            let [a, b, c] = corners.map(|c| c.vertex);
-            if a == b || b == c || c == a {
-                continue;
-            }
-            for corner in corners {
-                let pair = (corner.vertex, corner.texcoord);
-                split.textured |= corner.texcoord != NONE;
-                split.indices.push(*index.entry(pair).or_insert_with(|| {
-                    split.pairs.push(pair);
-                    split.pairs.len() as u32 - 1
-                }));
-            }
-        }
-        split
-    }
-
-    fn write(&self, mesh: &Mesh, normals: &[DVec3], out: &mut Parts) -> Result<Value> {
-        let mut bytes = Vec::with_capacity(12 * self.pairs.len());
-        let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-        for &(v, _) in &self.pairs {
-            let p = mesh.positions[v as usize].as_vec3();
-            if !p.is_finite() {
-                let what = format!("the position of vertex {v} does not fit single precision");
-                return Err(Error::mesh(&mesh.name, what, "Scale the mesh or correct the vertex"));
-            }
-            for (k, x) in p.to_array().into_iter().enumerate() {
-                low[k] = low[k].min(x);
-                high[k] = high[k].max(x);
-                bytes.extend_from_slice(&x.to_le_bytes());
-            }
-        }
-        let positions = out.accessor(&bytes, ARRAY, FLOAT, self.pairs.len(), "VEC3");
-        out.accessors[positions]["min"] = json!(low);
-        out.accessors[positions]["max"] = json!(high);
-        bytes.clear();
-        for &(v, _) in &self.pairs {
-            let n = normals[v as usize].as_vec3();
-            bytes.extend(n.to_array().into_iter().flat_map(f32::to_le_bytes));
-        }
-        let normals = out.accessor(&bytes, ARRAY, FLOAT, self.pairs.len(), "VEC3");
-        let mut attributes = json!({"POSITION": positions, "NORMAL": normals});
-        if self.textured {
-            bytes.clear();
-            for &(_, t) in &self.pairs {
-                let uv = mesh.texcoords.get(t as usize).copied().unwrap_or(DVec2::ZERO);
-                // The format's v runs down from the top of the picture.
-                for x in [uv.x as f32, (1.0 - uv.y) as f32] {
-                    bytes.extend_from_slice(&if x.is_finite() { x } else { 0.0 }.to_le_bytes());
-                }
-            }
-            attributes["TEXCOORD_0"] = out.accessor(&bytes, ARRAY, FLOAT, self.pairs.len(), "VEC2").into();
-        }
-        let bytes: Vec<u8> = self.indices.iter().flat_map(|i| i.to_le_bytes()).collect();
-        let indices = out.accessor(&bytes, ELEMENTS, UNSIGNED_INT, self.indices.len(), "SCALAR");
-        Ok(json!({"attributes": attributes, "indices": indices}))
-    }
-}
-
-/// Area-weighted unit normals of the vertices at `positions`; up where there is none.
-pub(super) fn vertex_normals(mesh: &Mesh, positions: &[DVec3]) -> Vec<DVec3> {
-    let mut normals = vec![DVec3::ZERO; mesh.vertex_count()];
-    for t in 0..mesh.triangle_count() {
-        let [a, b, c] = mesh.triangle(t).map(|v| positions[v as usize]);
-        let n = (b - a).cross(c - a);
-        if n.is_finite() {
-            for v in mesh.triangle(t) {
-                normals[v as usize] += n;
-            }
-        }
-    }
-    normals.into_iter().map(|n| n.try_normalize().unwrap_or(DVec3::Z)).collect()
-}
-
 #[cfg(test)]
 mod tests {
+    use glam::DVec2;
+
     use super::*;
     use crate::geometry::{Corner, MeshBuilder};
     use crate::io::gltf_read::parse_gltf;

@@ -15,9 +15,25 @@ pub mod geojson;
 pub mod gltf_animation;
 mod gltf_colors;
 mod gltf_components;
+mod gltf_container;
 mod gltf_document;
+mod gltf_edit;
+mod gltf_edit_looks;
+mod gltf_edit_shape;
+mod gltf_edit_skin;
+mod gltf_edit_uv;
+mod gltf_extensions;
+mod gltf_layout;
 mod gltf_materials;
+mod gltf_nodes;
+mod gltf_parts;
+mod gltf_pose;
 pub mod gltf_read;
+#[cfg(test)]
+mod gltf_samples;
+mod gltf_scene;
+mod gltf_skin;
+mod gltf_split;
 pub mod gltf_write;
 pub mod handles;
 pub mod image_file;
@@ -55,6 +71,7 @@ mod vertex_colors;
 
 use std::io::Read;
 use std::path::Path;
+use std::sync::Arc;
 
 use crate::geometry::{Mesh, Weld, weld};
 use crate::{Error, Result};
@@ -62,6 +79,8 @@ use crate::{Error, Result};
 pub use anchors::{AnchorList, AnchorPairs, AnchorSpec, ResolvedAnchor};
 pub use cache::{Cache, CacheKey};
 pub use gltf_animation::{GlbAnimation, GlbAnimationReport, MorphForm, write_animated_glb};
+pub use gltf_scene::{GltfScene, KeepTextures, SceneEdit, SkinWeights};
+pub use gltf_skin::SkinTable;
 pub use gltf_write::{GlbMaterial, write_glb};
 pub use handles::{read_handles, read_vertex_list};
 pub use image_file::{read_image, read_picture, read_texture, write_image, write_picture};
@@ -81,6 +100,8 @@ pub struct LoadedMesh {
     pub mesh: Mesh,
     /// One sentence each; empty for a clean file.
     pub warnings: Vec<String>,
+    /// What a glTF file holds beside the mesh.
+    pub scene: Option<Arc<GltfScene>>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -96,6 +117,8 @@ enum MeshFormat {
 pub struct ReadOptions {
     /// Which repeated vertices are joined for the computation.
     pub weld: Weld,
+    /// Which set of texture coordinates of glTF files; without it, that of the material's base colour.
+    pub uv_set: Option<usize>,
 }
 
 /// Reads a mesh from an OBJ, PLY, OFF, glTF or GLB file, with the default options.
@@ -128,12 +151,16 @@ pub fn read_mesh_with(path: impl AsRef<Path>, options: &ReadOptions) -> Result<L
         MeshFormat::Obj => obj::read_obj(path),
         MeshFormat::Ply => ply::read_ply(path),
         MeshFormat::Off => off::read_off(path),
-        MeshFormat::Gltf => gltf_read::read_gltf(path),
+        MeshFormat::Gltf => gltf_read::read_gltf_with(path, options),
     }?;
     if by_name.is_some_and(|named| named != format) {
         loaded.warnings.push(format!("the content is {format:?}, whatever the extension says"));
     }
     if format != MeshFormat::Gltf {
+        if let Some(set) = options.uv_set.filter(|&set| set > 0) {
+            let what = format!("there is no set {set} of texture coordinates: the format has one");
+            return Err(Error::format(path, None, what, "Name set 0, for source and target each: --uv-set 1,0"));
+        }
         let welded = weld::weld(&mut loaded.mesh, options.weld, &[])?;
         loaded.warnings.extend(welded.notes());
     }
@@ -205,7 +232,7 @@ mod tests {
                 "{:?}",
                 loaded.warnings
             );
-            let apart = read_mesh_with(&path, &ReadOptions { weld: Weld::No }).unwrap();
+            let apart = read_mesh_with(&path, &ReadOptions { weld: Weld::No, ..ReadOptions::default() }).unwrap();
             assert_eq!((apart.mesh.triangles(), apart.warnings.len()), (vec![[0, 1, 2], [3, 4, 5]], 0), "{name}");
         }
     }

@@ -71,7 +71,7 @@ impl Arguments {
 pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     arguments.check()?;
     let mut session = Session::start_on_cpu(common)?;
-    let (mut source, mut target) = (session.mesh(&arguments.source)?, session.mesh(&arguments.target)?);
+    let (mut source, mut target) = (session.mesh(&arguments.source)?, session.target(&arguments.target)?);
     let mut seeds = match &arguments.anchors {
         Some(path) => anchor_pairs(path, &source, &target, &session)?,
         None => AnchorPairs::default(),

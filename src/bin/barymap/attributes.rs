@@ -13,6 +13,8 @@ use serde_json::json;
 
 use crate::common::{Common, EmbeddingArguments, Session, anchor_pairs, check_outputs, usage};
 use crate::method::{MethodArguments, prepare};
+use crate::model_file::ModelFormat;
+use crate::rig::{Rig, is_gltf, read_weights, rig_of, write_weights};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -25,7 +27,7 @@ pub(crate) struct Arguments {
     /// Pairs of anchors: JSON, lines `iS iT`, or two files `S.vts,T.vts`
     #[arg(long)]
     anchors: String,
-    /// Data of the source's vertices: CSV, NPY or PLY; repeat for more, with as many -o
+    /// Data of the source's vertices: CSV, NPY or PLY, or GLB with a skin for --kind weights; repeat for more, with as many -o
     #[arg(long, required = true, num_args = 1..)]
     attributes: Vec<PathBuf>,
     /// What a file holds, once per file in their order; files without hold scalars
@@ -40,7 +42,8 @@ pub(crate) struct Arguments {
     /// What vertices get that the map does not vouch for
     #[arg(long, value_enum, default_value = "smooth")]
     fill: FillName,
-    /// The data on the target's vertices: CSV, NPY or PLY; one for each file
+    /// The data on the target's vertices: CSV, NPY or PLY, or for --kind weights the target as GLB with joints; one for
+    /// each file
     #[arg(long, short, required = true, num_args = 1..)]
     output: Vec<PathBuf>,
     #[command(flatten)]
@@ -92,6 +95,21 @@ impl Arguments {
             let what = format!("{} kinds for {} files of data", self.kind.len(), self.attributes.len());
             return Err(usage("--kind", &what, "Give one for each file, in their order"));
         }
+        for (i, (read, written)) in self.attributes.iter().zip(&self.output).enumerate() {
+            if self.kind(i) == KindName::Weights {
+                if is_gltf(written) {
+                    ModelFormat::of(written, &[ModelFormat::Glb])?;
+                    if self.top.is_some_and(|top| top > 8) {
+                        return Err(usage("--top", "a GLB file has at most eight weights a vertex", "Give 8 or less"));
+                    }
+                    continue;
+                }
+            } else if is_gltf(read) || is_gltf(written) {
+                let what = "of glTF files only skin weights are read and written";
+                return Err(usage("--kind", what, "Give --kind weights, or name a table"));
+            }
+            check_attribute_extension(written)?;
+        }
         if self.top == Some(0) || (self.top.is_some() && !self.kind.contains(&KindName::Weights)) {
             return Err(usage("--top", "it is about weights, at least one", "Give it with --kind weights"));
         }
@@ -101,6 +119,12 @@ impl Arguments {
     /// Reads file `i`.
     fn read(&self, i: usize) -> Result<Given> {
         let (path, kind) = (&self.attributes[i], self.kind(i));
+        if is_gltf(path) {
+            let (columns, values, rig) = read_weights(path)?;
+            let kind = AttributeKind::Weights { keep: self.top.unwrap_or(0) };
+            let table = AttributeTable { columns, values, ..AttributeTable::default() };
+            return Ok(Given { name: path.display().to_string(), kind, table, rig: Some(rig) });
+        }
         let columns = match kind {
             _ if !self.columns.is_empty() => Columns::Named(self.columns.clone()),
             KindName::Normals => Columns::Normals,
@@ -119,7 +143,7 @@ impl Arguments {
             KindName::Normals => AttributeKind::Normals,
             KindName::Tangents => AttributeKind::Tangents,
         };
-        Ok(Given { name: path.display().to_string(), kind, table })
+        Ok(Given { name: path.display().to_string(), kind, table, rig: None })
     }
 }
 
@@ -128,6 +152,8 @@ struct Given {
     name: String,
     kind: AttributeKind,
     table: AttributeTable,
+    /// Where its columns are joints of a glTF file.
+    rig: Option<Rig>,
 }
 
 impl Given {
@@ -181,11 +207,15 @@ fn tell_losses(session: &Session<'_>, output: &Path, table: &mut AttributeTable)
 
 pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     arguments.check()?;
-    arguments.output.iter().try_for_each(check_attribute_extension)?;
     check_outputs(arguments.output.iter().map(PathBuf::as_path))?;
     let mut session = Session::start(common)?;
-    let (mut source, mut target) = (session.mesh(&arguments.source)?, session.mesh(&arguments.target)?);
-    let files: Vec<Given> = (0..arguments.attributes.len()).map(|i| arguments.read(i)).collect::<Result<_>>()?;
+    let (mut source, mut target) = (session.mesh(&arguments.source)?, session.target(&arguments.target)?);
+    let mut files: Vec<Given> = (0..arguments.attributes.len()).map(|i| arguments.read(i)).collect::<Result<_>>()?;
+    for (file, output) in files.iter_mut().zip(&arguments.output) {
+        if file.rig.is_none() && is_gltf(output) {
+            file.rig = Some(rig_of(&file.table.columns, &source, &target)?);
+        }
+    }
     for file in &files {
         session.warn_of_table(Path::new(&file.name), &file.table.notes);
     }
@@ -212,6 +242,11 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let mut carried = result.attributes.iter().cloned();
     for (i, file) in files.iter().enumerate() {
         let mut table = file.answer(&mut carried);
+        let output = &arguments.output[i];
+        if let Some(rig) = file.rig.as_ref().filter(|_| is_gltf(output)) {
+            write_weights(&session, &target, rig, &table.values, arguments.top, output)?;
+            continue;
+        }
         tell_losses(&session, &arguments.output[i], &mut table);
         let style = AttributeStyle { colors: arguments.kind(i) == KindName::Colors };
         write_attributes(&arguments.output[i], &target.mesh, &table, &status, style)?;

@@ -201,7 +201,7 @@ impl Batch<'_> {
             Err(what) => return Ok(Outcome::Failed(what.clone())),
         };
         let place = self.arguments.output.join(&item.name);
-        let loaded = barymap::io::read_mesh_with(mesh, &session.common.read_options())?;
+        let loaded = barymap::io::read_mesh_with(mesh, &session.common.target_options())?;
         let key = batch_record::target_key(self.key.clone(), &loaded.mesh, anchors)?;
         let there = batch_record::read(&place);
         match there {
@@ -215,7 +215,7 @@ impl Batch<'_> {
         for warning in &loaded.warnings {
             session.warn(&format!("{}: {warning}", mesh.display()));
         }
-        let mut target = session.surface(loaded.mesh)?;
+        let mut target = Surface { scene: loaded.scene, ..session.surface(loaded.mesh)? };
         session.watch.lap("read");
         let pairs = anchor_pairs(anchors, &self.source, &target, session)?;
         let folder = OutputFolder::replace(&place)?;

@@ -12,7 +12,8 @@ use barymap::{Error, io};
 use clap::ValueEnum;
 use serde_json::{Value, json};
 
-use crate::common::{BackendName, Common, Session, check_outputs, is_ply};
+use crate::common::{BackendName, Common, Session, check_outputs};
+use crate::model_file::{ModelFormat, write_posed};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -24,7 +25,7 @@ pub(crate) struct Arguments {
     /// The same cage, deformed
     #[arg(long)]
     to: PathBuf,
-    /// The deformed model: OBJ, or PLY with positions and faces
+    /// The deformed model: OBJ, PLY with positions and faces, or GLB, which keeps what a glTF input has beside the mesh
     #[arg(long, short)]
     output: PathBuf,
     /// How the vertices of the cage move from one to the other: by mean-value encoding, which keeps turns, or straight
@@ -69,14 +70,14 @@ fn partition_kind(text: &str) -> std::result::Result<PartitionKind, String> {
 
 pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     check_outputs([arguments.output.as_path()])?;
-    let ply = is_ply(&arguments.output)?;
+    let format = ModelFormat::of(&arguments.output, &[ModelFormat::Obj, ModelFormat::Ply, ModelFormat::Glb])?;
     let mut session = Session::start(common)?;
     // A software adapter runs the kernels on the same processor, slower than the processor's own code.
     let software = session.engine.gpu().is_some_and(|g| g.capabilities().software);
     if software && matches!(common.backend, BackendName::Auto) {
         session.engine = Engine::cpu();
     }
-    let mut model = session.read(&arguments.mesh)?;
+    let io::LoadedMesh { mesh: mut model, scene, .. } = session.load(&arguments.mesh)?;
     let mut cages = [session.read(&arguments.from)?, session.read(&arguments.to)?];
     weld_alike(&mut cages, common.weld)?;
     let cage = Cage::new(&cages[0], &cages[1])?;
@@ -108,11 +109,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     // What has no pre-image stays where it is.
     let positions = caged.positions.iter().zip(&model.positions).map(|(p, old)| p.unwrap_or(*old)).collect();
     pose(&mut model, positions)?;
-    if ply {
-        io::write_ply(&model, None, &arguments.output)?;
-    } else {
-        io::write_obj(&model, &arguments.output)?;
-    }
+    write_posed(&session, &model, scene.as_deref(), format, &arguments.output)?;
     session.watch.lap("write");
     let mut report = session.report("cage");
     describe(&mut report, arguments, &model, &cage, &caged);

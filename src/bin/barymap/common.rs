@@ -2,13 +2,14 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use barymap::engine::{Backend, Engine, EngineOptions};
 use barymap::geometry::up_axis::stands_along_z;
 use barymap::geometry::{ClosestPoints, Diagnosis, Mesh, SurfacePoint, Topology, UpAxis, Weld};
-use barymap::io::ReadOptions;
 use barymap::io::anchors::AnchorList;
 use barymap::io::cache::Cache;
+use barymap::io::{GltfScene, LoadedMesh, ReadOptions};
 use barymap::progress::Progress;
 use barymap::surface::correspondence::Shape;
 use barymap::surface::{AnchorPairs, Embedding, EmbeddingOptions};
@@ -47,12 +48,21 @@ pub(crate) struct Common {
     /// those on one another, no joins none
     #[arg(long, value_name = "TOLERANCE|no", default_value = "0", value_parser = weld, global = true)]
     pub(crate) weld: Weld,
+    /// Which set of texture coordinates of glTF files is used: one number, or the source's and the target's. Without it, the
+    /// one that the material's base colour has
+    #[arg(long, value_name = "N[,N]", value_delimiter = ',', num_args = 1..=2, global = true)]
+    pub(crate) uv_set: Vec<usize>,
 }
 
 impl Common {
-    /// How meshes are read.
+    /// How meshes are read: the only one, or the source.
     pub(crate) fn read_options(&self) -> ReadOptions {
-        ReadOptions { weld: self.weld }
+        ReadOptions { weld: self.weld, uv_set: self.uv_set.first().copied() }
+    }
+
+    /// How targets are read.
+    pub(crate) fn target_options(&self) -> ReadOptions {
+        ReadOptions { uv_set: self.uv_set.last().copied(), ..self.read_options() }
     }
 }
 
@@ -202,18 +212,37 @@ impl<'a> Session<'a> {
     }
 
     /// Reads a mesh as the common options say, and tells what the reader says.
-    pub(crate) fn read(&self, path: &Path) -> Result<Mesh> {
-        let loaded = barymap::io::read_mesh_with(path, &self.common.read_options())?;
+    pub(crate) fn load(&self, path: &Path) -> Result<LoadedMesh> {
+        self.load_with(path, &self.common.read_options())
+    }
+
+    fn load_with(&self, path: &Path, options: &ReadOptions) -> Result<LoadedMesh> {
+        let loaded = barymap::io::read_mesh_with(path, options)?;
         for warning in &loaded.warnings {
             self.warn(&format!("{}: {warning}", path.display()));
         }
-        Ok(loaded.mesh)
+        Ok(loaded)
+    }
+
+    /// Reads a mesh alone, as [`Session::load`].
+    pub(crate) fn read(&self, path: &Path) -> Result<Mesh> {
+        Ok(self.load(path)?.mesh)
     }
 
     /// Reads a mesh and tells what is wrong with it.
     pub(crate) fn mesh(&mut self, path: &Path) -> Result<Surface> {
-        let mesh = self.read(path)?;
-        let surface = self.surface(mesh)?;
+        let loaded = self.load(path)?;
+        self.loaded(loaded)
+    }
+
+    /// As [`Session::mesh`], for a target.
+    pub(crate) fn target(&mut self, path: &Path) -> Result<Surface> {
+        let loaded = self.load_with(path, &self.common.target_options())?;
+        self.loaded(loaded)
+    }
+
+    fn loaded(&mut self, loaded: LoadedMesh) -> Result<Surface> {
+        let surface = Surface { scene: loaded.scene, ..self.surface(loaded.mesh)? };
         self.watch.lap("read");
         Ok(surface)
     }
@@ -226,7 +255,7 @@ impl<'a> Session<'a> {
         for finding in diagnosis.findings() {
             self.warn(&format!("{}: {finding}", mesh.name));
         }
-        Ok(Surface { mesh, topology, embedding: None })
+        Ok(Surface { mesh, topology, embedding: None, scene: None })
     }
 
     /// Embeds a surface, or takes its embedding from the cache. The options are the same for a whole command: a surface that has an embedding keeps it.
@@ -321,6 +350,8 @@ pub(crate) struct Surface {
     pub(crate) mesh: Mesh,
     pub(crate) topology: Topology,
     pub(crate) embedding: Option<Embedding>,
+    /// What the file it came from has beside it, if that is glTF.
+    pub(crate) scene: Option<Arc<GltfScene>>,
 }
 
 impl Surface {
@@ -407,15 +438,6 @@ pub(crate) fn size(text: &str) -> std::result::Result<(u32, u32), String> {
     match text.split_once(['x', 'X']) {
         Some((w, h)) => Ok((parse(w)?, parse(h)?)),
         None => parse(text).map(|n| (n, n)),
-    }
-}
-
-/// Whether a mesh is written as PLY rather than OBJ, by the name of its file.
-pub(crate) fn is_ply(output: &Path) -> Result<bool> {
-    match output.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).as_deref() {
-        Some("obj") => Ok(false),
-        Some("ply") => Ok(true),
-        _ => Err(usage("--output", "the format is not known by its name", "Write to a .obj or .ply file")),
     }
 }
 

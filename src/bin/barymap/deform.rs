@@ -10,7 +10,8 @@ use barymap::tools::deform::{Deformer, Handles};
 use clap::ValueEnum;
 use serde_json::json;
 
-use crate::common::{BackendName, Common, Session, check_outputs, is_ply, usage};
+use crate::common::{BackendName, Common, Session, check_outputs, usage};
+use crate::model_file::{ModelFormat, write_posed};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -31,7 +32,7 @@ pub(crate) struct Arguments {
     /// Sweeps of Gauss-Seidel at the end, as in the paper
     #[arg(long, default_value_t = 0)]
     sweeps: usize,
-    /// The posed mesh: OBJ, or PLY with positions and faces
+    /// The posed mesh: OBJ, PLY with positions and faces, or GLB, which keeps what a glTF input has beside the mesh
     #[arg(long, short)]
     output: PathBuf,
 }
@@ -51,7 +52,7 @@ enum QualityName {
 
 pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     check_outputs([arguments.output.as_path()])?;
-    let ply = is_ply(&arguments.output)?;
+    let format = ModelFormat::of(&arguments.output, &[ModelFormat::Obj, ModelFormat::Ply, ModelFormat::Glb])?;
     if arguments.sweeps > 1000 {
         return Err(usage("--sweeps", "more than 1000", "Use --quality converged instead"));
     }
@@ -94,11 +95,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     session.watch.lap("measure");
     let mut mesh = surface.mesh;
     deformer.pose(&mut mesh, result.positions)?;
-    if ply {
-        barymap::io::write_ply(&mesh, None, &arguments.output)?;
-    } else {
-        barymap::io::write_obj(&mesh, &arguments.output)?;
-    }
+    write_posed(&session, &mesh, surface.scene.as_deref(), format, &arguments.output)?;
     session.watch.lap("write");
     session.say(&format!(
         "{}: G {:.3e}, edges {:.1} % rms and {:.1} % at most, volume {:.3}, {} triangles flipped, {} iterations",

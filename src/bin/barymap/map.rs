@@ -46,7 +46,7 @@ pub(crate) struct Arguments {
 pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     check_outputs([arguments.output.as_path()])?;
     let mut session = Session::start(common)?;
-    let (mut source, mut target) = (session.mesh(&arguments.source)?, session.mesh(&arguments.target)?);
+    let (mut source, mut target) = (session.mesh(&arguments.source)?, session.target(&arguments.target)?);
     let anchors = anchor_pairs(&arguments.anchors, &source, &target, &session)?;
     let method = arguments.method;
     let (points, table) = match &arguments.points {

@@ -273,7 +273,12 @@ fn bring(
         session.warn("much of it is folded: check that the pairs do not contradict one another, or give more");
     }
     // Its own embedding belongs to the other connectivity.
-    *other = Surface { topology: barymap::geometry::Topology::new(&made.mesh), mesh: made.mesh, embedding: None };
+    *other = Surface {
+        topology: barymap::geometry::Topology::new(&made.mesh),
+        mesh: made.mesh,
+        embedding: None,
+        scene: None,
+    };
     Ok(r)
 }
 

@@ -1,6 +1,6 @@
 //! `barymap unwrap`: texture coordinates for a mesh without, and the same for the targets of other commands.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use barymap::Result;
 use barymap::geometry::texcoords::{Findings, Islands, findings};
@@ -10,6 +10,7 @@ use barymap::tools::unwrap::{UnwrapOptions, UnwrapReport, unwrap};
 use serde_json::{Value, json};
 
 use crate::common::{Common, Session, Surface, check_outputs, usage};
+use crate::model_file::{ModelFormat, write_unwrapped};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -76,7 +77,7 @@ impl Charts {
             let remedy = "Name a file for them: --unwrapped OUT.obj or --model OUT.glb";
             return Err(usage("--unwrap", "the new texture fits only the new texture coordinates", remedy));
         }
-        self.unwrapped.as_deref().map_or(Ok(()), check_extension)
+        self.unwrapped.as_deref().map_or(Ok(()), |path| ModelFormat::of(path, FORMATS).map(|_| ()))
     }
 
     /// Unwraps the target where that is asked for, writes it, and says what is unfit about texture coordinates that are kept. What the report
@@ -94,7 +95,8 @@ impl Charts {
         }
         let report = unwrap_surface(session, target, size.0, shown.margin, self.angle)?;
         if let Some(path) = &self.unwrapped {
-            write(&target.mesh, path)?;
+            let format = ModelFormat::of(path, FORMATS)?;
+            write_unwrapped(session, &target.mesh, target.scene.as_deref(), format, path)?;
         }
         Ok(json!({ "unwrap": describe_unwrap(&report) }))
     }
@@ -181,24 +183,11 @@ fn describe(found: &Findings) -> Value {
     })
 }
 
-fn check_extension(path: &Path) -> Result<()> {
-    let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
-    if matches!(extension.as_str(), "obj" | "glb") {
-        return Ok(());
-    }
-    let what = format!("{} is neither OBJ nor GLB", path.display());
-    Err(usage("--output", &what, "End the name in .obj or .glb: these hold texture coordinates"))
-}
-
-fn write(mesh: &Mesh, path: &Path) -> Result<()> {
-    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb")) {
-        return barymap::io::write_glb(path, mesh, &[]);
-    }
-    barymap::io::write_obj(mesh, path)
-}
+/// The formats that hold texture coordinates.
+const FORMATS: &[ModelFormat] = &[ModelFormat::Obj, ModelFormat::Glb];
 
 pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
-    check_extension(&arguments.output)?;
+    let format = ModelFormat::of(&arguments.output, FORMATS)?;
     check_outputs([Some(arguments.output.as_path()), arguments.layout.as_deref()].into_iter().flatten())?;
     if let Some(layout) = &arguments.layout {
         barymap::io::image_file::check_image_extension(layout)?;
@@ -206,7 +195,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let mut session = Session::start_on_cpu(common)?;
     let mut surface = session.mesh(&arguments.mesh)?;
     let report = unwrap_surface(&mut session, &mut surface, arguments.size, arguments.margin, arguments.angle)?;
-    write(&surface.mesh, &arguments.output)?;
+    write_unwrapped(&session, &surface.mesh, surface.scene.as_deref(), format, &arguments.output)?;
     if let Some(path) = &arguments.layout {
         session.write_image(&layout(&surface.mesh, arguments.size.min(2048))?, path)?;
     }

@@ -183,7 +183,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     check_outputs(early.map(Path::new).filter(|p| !p.to_string_lossy().contains(['<', '%'])))?;
     let mut session = Session::start(common)?;
     let (mut source, cloud) = source(&mut session, &arguments.source)?;
-    let mut target = session.mesh(&arguments.target)?;
+    let mut target = session.target(&arguments.target)?;
     let method = if cloud { arguments.method.for_points() } else { arguments.method };
     if cloud {
         session.warn(&format!(
@@ -236,7 +236,7 @@ fn source(session: &mut Session<'_>, path: &Path) -> Result<(Surface, bool)> {
     points.warnings.iter().for_each(|warning| session.warn(&format!("{}: {warning}", path.display())));
     let mesh = triangles_of_points(&points.mesh)?;
     let topology = Topology::new(&mesh);
-    Ok((Surface { mesh, topology, embedding: None }, true))
+    Ok((Surface { mesh, topology, embedding: None, scene: None }, true))
 }
 
 pub(crate) fn require_texcoords(surface: &Surface) -> Result<()> {
@@ -352,7 +352,7 @@ impl Job<'_> {
         };
         if let Some(path) = names.model {
             let look = SourceLook::new(&source.mesh, self.layers, session);
-            writer.bytes(&model::glb(&target.mesh, &parts, &skins, &look)?, path)?;
+            writer.bytes(&model::glb(session, target, &parts, &skins, &look, path)?, path)?;
         }
         let files = writer.finish()?;
         session.watch.lap("write");

@@ -1,6 +1,7 @@
 //! The target with its new textures as GLB.
 
 use std::collections::HashMap;
+use std::path::Path;
 use std::sync::Arc;
 
 use barymap::Result;
@@ -13,7 +14,8 @@ use barymap::raster::Image;
 
 use super::pictures::{Part, part_of};
 use super::textures::Textures;
-use crate::common::Session;
+use crate::common::{Session, Surface};
+use crate::model_file::finish;
 
 /// What the source's materials say beside textures.
 #[derive(Clone, Debug)]
@@ -124,12 +126,26 @@ fn packed(roughness: Option<&Image>, metallic: Option<&Image>) -> Result<Option<
 }
 
 /// The bytes of the model: a material for each part and material of the target, with the target's names.
-pub(super) fn glb(target: &Mesh, parts: &[Part], skins: &[Skin], source: &SourceLook) -> Result<Vec<u8>> {
+///
+/// A target that came from glTF keeps its scene, and its materials what is not transferred.
+pub(super) fn glb(
+    session: &Session<'_>,
+    surface: &Surface,
+    parts: &[Part],
+    skins: &[Skin],
+    source: &SourceLook,
+    path: &Path,
+) -> Result<Vec<u8>> {
+    let target = &surface.mesh;
     let part_of = part_of(parts, target);
     let mut materials = Vec::new();
     let mut known: HashMap<(u32, u32), u32> = HashMap::new();
     let mut of = Vec::with_capacity(part_of.len());
     for (t, &part) in part_of.iter().enumerate() {
+        if surface.scene.is_some() && part as usize >= skins.len() {
+            of.push(NONE);
+            continue;
+        }
         let material = target.triangle_material(t);
         let entry = *known.entry((part, material)).or_insert_with(|| {
             let name = target.materials.get(material as usize).map_or("transferred", |m| &m.name);
@@ -140,7 +156,14 @@ pub(super) fn glb(target: &Mesh, parts: &[Part], skins: &[Skin], source: &Source
         });
         of.push(entry);
     }
-    glb_with_materials(target, &materials, &of)
+    match &surface.scene {
+        Some(scene) => {
+            let mut edit = scene.edit();
+            edit.materials(target, &materials, &of)?;
+            finish(session, edit, path)
+        }
+        None => glb_with_materials(target, &materials, &of),
+    }
 }
 
 fn dressed(name: String, skin: Option<&Skin>, source: &SourceLook) -> GlbMaterial {
