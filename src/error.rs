@@ -95,6 +95,18 @@ pub enum Error {
         /// Bytes allowed.
         allowed: u64,
     },
+    /// An output would hold a number that is NaN or infinite; it is not written.
+    #[error("{path}: {element} would be {value}, which is not written. {remedy}", path = path.display())]
+    NotFinite {
+        /// The file that is not written.
+        path: PathBuf,
+        /// Where in the file: a vertex, a row and column, a key.
+        element: String,
+        /// NaN or infinity.
+        value: f64,
+        /// What the user can do.
+        remedy: String,
+    },
     /// A numerical step failed (a factorisation that broke down, an embedding that is not finite).
     #[error("{what}. {remedy}")]
     Numeric {

@@ -23,6 +23,9 @@ pub(crate) mod union_find;
 pub mod up_axis;
 pub mod weld;
 
+/// Sizes and coordinates whose squared products neither overflow nor vanish, nor lose the exactness of predicates.
+pub const RANGE: std::ops::RangeInclusive<f64> = 1e-100..=1e100;
+
 pub use closest::ClosestPoints;
 pub use diagnosis::Diagnosis;
 pub use frame::Frame;

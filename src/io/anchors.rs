@@ -29,6 +29,9 @@ pub enum AnchorSpec {
     Position(DVec3),
 }
 
+/// Distances from a mesh, in the diagonal of its bounding box, beyond which a position is a mistake: other units, or another mesh.
+pub const FARTHEST: f64 = 100.0;
+
 /// Anchors of one mesh, with the file they came from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AnchorList {
@@ -280,14 +283,17 @@ impl AnchorList {
     /// Finds the anchors on their mesh. `closest` gives the closest point of the usable surface and its distance.
     ///
     /// # Errors
-    /// [`Error::Input`] naming the file and the anchor: an index out of range, a vertex that no usable triangle touches, a degenerate triangle.
+    /// [`Error::Input`] naming the file and the anchor: an index out of range, a vertex that no usable triangle touches, a degenerate triangle, a position farther
+    /// from the mesh than [`FARTHEST`].
     pub fn resolve(
         &self,
         mesh: &Mesh,
         topology: &Topology,
         closest: &dyn Fn(DVec3) -> (SurfacePoint, f64),
     ) -> Result<Vec<ResolvedAnchor>> {
-        self.anchors.iter().enumerate().map(|(k, spec)| self.resolve_one(k, spec, mesh, topology, closest)).collect()
+        let diagonal = mesh.bounds().map_or(0.0, |(low, high)| low.distance(high));
+        let all = self.anchors.iter().enumerate();
+        all.map(|(k, spec)| self.resolve_one(k, spec, mesh, topology, (closest, diagonal))).collect()
     }
 
     fn resolve_one(
@@ -296,7 +302,7 @@ impl AnchorList {
         spec: &AnchorSpec,
         mesh: &Mesh,
         topology: &Topology,
-        closest: &dyn Fn(DVec3) -> (SurfacePoint, f64),
+        (closest, diagonal): (&dyn Fn(DVec3) -> (SurfacePoint, f64), f64),
     ) -> Result<ResolvedAnchor> {
         let fail = |what: String, remedy: &str| {
             Err(Error::input(format!("{}: anchor {k}: {what} (mesh {})", self.path.display(), mesh.name), remedy))
@@ -332,10 +338,24 @@ impl AnchorList {
             }
             AnchorSpec::Position(p) => {
                 let (point, snap_distance) = closest(p);
+                if !(snap_distance <= FARTHEST * diagonal) {
+                    return fail(
+                        format!("the position {} {}", super::place(p), lies_off(snap_distance, diagonal)),
+                        ELSEWHERE,
+                    );
+                }
                 Ok(ResolvedAnchor { point, snap_distance })
             }
         }
     }
+}
+
+/// What to do about a position beyond [`FARTHEST`].
+pub const ELSEWHERE: &str = "Check its units, and that it belongs to this mesh";
+
+/// The words about a position that is `distance` away from a mesh with this diagonal.
+pub fn lies_off(distance: f64, diagonal: f64) -> String {
+    format!("lies {distance:.4e} off the mesh, {:.0} times its diagonal", distance / diagonal)
 }
 
 impl AnchorPairs {
@@ -468,6 +488,17 @@ mod tests {
         assert_eq!(resolve(AnchorSpec::Vertex(1)).unwrap().point, SurfacePoint::new(1, [0.0, 1.0, 0.0]));
         assert_eq!(resolve(face(1)).unwrap().snap_distance, 0.0);
         assert_eq!(resolve(AnchorSpec::Position(DVec3::new(0.0, 0.0, 3.0))).unwrap().snap_distance, 3.0);
+        let diagonal = 5f64.sqrt();
+        let off = |sizes: f64| resolve(AnchorSpec::Position(DVec3::Z * sizes * diagonal));
+        assert_eq!(off(99.0).unwrap().snap_distance, 99.0 * diagonal);
+        for sizes in [101.0, 1e200] {
+            let message = off(sizes).unwrap_err().to_string();
+            assert!(
+                message.contains("a.txt: anchor 0: the position (0.0, 0.0, ") && message.contains("lies"),
+                "{message}"
+            );
+            assert!(sizes > 1e3 || message.contains("2.2584e2 off the mesh, 101 times its diagonal"), "{message}");
+        }
         for (anchor, expected) in [
             (AnchorSpec::Vertex(5), "vertex 5 of 5"),
             (AnchorSpec::Vertex(3), "no usable triangle"),

@@ -6,12 +6,12 @@ use std::path::Path;
 
 use super::npy::{self, IntegerType};
 use super::obj::shortened;
-use super::output;
 use super::ply::{VertexColumn, read_vertex_columns};
 use super::ply_write::{PropertyValues, VertexProperty, write_ply_with};
 use super::table::{Dialect, Table};
 use super::table_dialect::TableWriter;
 use super::vertex_colors::Colors;
+use super::{finite, output};
 use crate::geometry::Mesh;
 use crate::{Error, Result};
 
@@ -309,8 +309,9 @@ pub struct RowStatus {
 /// `confidence`; NPY the numbers alone.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Input`] if numbers of rows do not match, a column's name is taken by the mesh in a PLY file, or a number is none of the
-/// [whole numbers](Storage::integers) of an NPY file. Texts go into CSV alone.
+/// [`Error::Io`]; [`Error::NotFinite`] for a number that is not finite, other than NaN of a vertex whose status is `failed`; [`Error::Input`] if numbers
+/// of rows do not match, a column's name is taken by the mesh in a PLY file, or a number is none of the [whole numbers](Storage::integers) of an NPY
+/// file. Texts go into CSV alone.
 pub fn write_attributes(
     path: impl AsRef<Path>,
     mesh: &Mesh,
@@ -326,6 +327,11 @@ pub fn write_attributes(
         let what = format!("{} numbers in {n} columns for {rows} vertices", table.values.len());
         return Err(Error::input(what, "Give one row for each vertex"));
     }
+    // Failed vertices have nothing, which is NaN.
+    let blank = |v: usize| status[v].word == "failed";
+    let told = table.values.iter().enumerate().map(|(i, &x)| if x.is_nan() && blank(i / n) { 0.0 } else { x });
+    finite::numbers(path, told, |i| format!("{} of vertex {}", table.columns[i % n], i / n))?;
+    finite::numbers(path, status.iter().map(|s| s.confidence), |v| format!("confidence of vertex {v}"))?;
     let format = Format::of(path)?;
     if n == 0 && format != Format::Csv {
         let what = format!("{}: there are texts only, which this format does not hold", path.display());
@@ -334,7 +340,7 @@ pub fn write_attributes(
     match format {
         Format::Npy => match table.storage.integers {
             Some(integers) => npy::write_npy_integers(path, n, &table.values, integers),
-            None => npy::write_npy(path, n, &table.values),
+            None => npy::write_npy(path, n, &table.values, blank),
         },
         Format::Csv => output::write_atomically(path, |w| write_rows(w, table, status).map_err(output::failed(path))),
         Format::Ply => write_ply_table(path, mesh, table, status, style),

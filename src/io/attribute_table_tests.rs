@@ -69,8 +69,11 @@ fn colours_are_bytes_in_ply() {
         values: vec![0.0, 1.0, 128.0 / 255.0, 0.2, 0.4, 0.6, f64::NAN, 3.0, -1.0],
         ..AttributeTable::default()
     };
-    let status = [RowStatus { word: "valid", number: 2, confidence: 1.0 }; 3];
+    let mut status = [RowStatus { word: "valid", number: 2, confidence: 1.0 }; 3];
     let path = dir.path().join("c.ply");
+    let refused = write_attributes(&path, &mesh, &table, &status, AttributeStyle { colors: true }).unwrap_err();
+    assert!(refused.to_string().contains("red of vertex 2 would be NaN"), "{refused}");
+    status[2] = RowStatus { word: "failed", number: 0, confidence: 0.0 };
     write_attributes(&path, &mesh, &table, &status, AttributeStyle { colors: true }).unwrap();
     let back = read_colors(&path).unwrap();
     assert_eq!(back.columns, table.columns);

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::obj::shortened;
 use super::outline::{MappedShape, Part, Segment, Shape};
-use super::{output, source};
+use super::{finite, output, source};
 use crate::{Error, Result};
 
 const REMEDY: &str = "Give a GeoJSON document as RFC 7946 has it";
@@ -76,12 +76,36 @@ impl GeoJson {
     /// Writes the document, whole or not at all.
     ///
     /// # Errors
-    /// [`Error::Io`].
+    /// [`Error::Io`]; [`Error::NotFinite`] for a coordinate that is not finite.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
+        let path = path.as_ref();
+        if let Some(place) = missing_coordinate(&self.root, "") {
+            return Err(finite::refused(path, place, f64::NAN));
+        }
         let mut text = self.root.to_string();
         text.push('\n');
         output::write_bytes(path, text.as_bytes())
     }
+}
+
+/// Where a coordinate is no number: JSON has none for one that is not finite.
+fn missing_coordinate(value: &Value, place: &str) -> Option<String> {
+    match value {
+        Value::Object(members) => members.iter().filter(|(key, _)| *key != "properties").find_map(|(key, value)| {
+            let here = format!("{place}{key}");
+            let coordinates = key == "coordinates";
+            if coordinates { has_null(value).then_some(here) } else { missing_coordinate(value, &(here + ".")) }
+        }),
+        Value::Array(list) => {
+            let at = |k: usize| format!("{}[{k}].", place.trim_end_matches('.'));
+            list.iter().enumerate().find_map(|(k, value)| missing_coordinate(value, &at(k)))
+        }
+        _ => None,
+    }
+}
+
+fn has_null(value: &Value) -> bool {
+    value.is_null() || value.as_array().is_some_and(|list| list.iter().any(has_null))
 }
 
 /// Adds the shapes under `value`; the error says what is wrong.

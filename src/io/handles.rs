@@ -7,7 +7,9 @@ use std::path::Path;
 use glam::DVec3;
 use serde_json::Value;
 
+use super::anchors::{ELSEWHERE, FARTHEST, lies_off};
 use super::source;
+use crate::geometry::Mesh;
 use crate::{Error, Result};
 
 /// Reads handles as pairs of a 0-based vertex and its new position.
@@ -37,6 +39,24 @@ pub fn read_handles(path: impl AsRef<Path>) -> Result<Vec<(u32, DVec3)>> {
         Ok((vertex, DVec3::from(xyz.ok_or_else(|| wrong("\"position\" is not three finite numbers"))?)))
     };
     list.iter().enumerate().map(handle).collect()
+}
+
+/// Fails for a handle that is put farther from the mesh than [`FARTHEST`]: from the box around it.
+///
+/// # Errors
+/// [`Error::Format`] naming the handle and the distance.
+pub fn check_handles(path: impl AsRef<Path>, mesh: &Mesh, handles: &[(u32, DVec3)]) -> Result<()> {
+    let Some((low, high)) = mesh.bounds() else { return Ok(()) };
+    let diagonal = low.distance(high);
+    for (k, (vertex, p)) in handles.iter().enumerate() {
+        let away = p.distance(p.clamp(low, high));
+        if !(away <= FARTHEST * diagonal) {
+            let what =
+                format!("handle {k} (vertex {vertex}): the position {} {}", super::place(*p), lies_off(away, diagonal));
+            return Err(Error::format(path, None, what, ELSEWHERE));
+        }
+    }
+    Ok(())
 }
 
 /// Reads a list of 0-based vertex indices, one a line (several on a line are taken too).
@@ -89,6 +109,19 @@ mod tests {
             let message = read(text).unwrap_err();
             assert!(message.contains(part), "{text}: {message}");
         }
+    }
+
+    #[test]
+    fn handles_beyond_a_hundred_diagonals_are_refused() {
+        let mesh = Mesh::from_triangles("m", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
+        let diagonal = 2f64.sqrt();
+        let at =
+            |sizes: f64| check_handles("h.json", &mesh, &[(1, DVec3::X), (2, DVec3::new(0.0, 0.0, sizes * diagonal))]);
+        at(99.0).unwrap();
+        let message = at(101.0).unwrap_err().to_string();
+        assert!(message.contains("h.json") && message.contains("handle 1 (vertex 2)"), "{message}");
+        assert!(message.contains("101 times its diagonal"), "{message}");
+        assert!(at(1e300).is_err() && at(-101.0).is_err());
     }
 
     #[test]

@@ -11,6 +11,8 @@ pub mod cache;
 pub mod cage;
 pub mod decal_anchors;
 mod encoding;
+pub mod finite;
+mod finite_gltf;
 pub mod geojson;
 pub mod gltf_animation;
 mod gltf_colors;
@@ -73,7 +75,9 @@ use std::io::Read;
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::geometry::{Mesh, Weld, weld};
+use glam::DVec3;
+
+use crate::geometry::{Mesh, RANGE, Weld, weld};
 use crate::{Error, Result};
 
 pub use anchors::{AnchorList, AnchorPairs, AnchorSpec, ResolvedAnchor};
@@ -82,7 +86,7 @@ pub use gltf_animation::{GlbAnimation, GlbAnimationReport, MorphForm, write_anim
 pub use gltf_scene::{GltfScene, KeepTextures, SceneEdit, SkinWeights};
 pub use gltf_skin::SkinTable;
 pub use gltf_write::{GlbMaterial, write_glb};
-pub use handles::{read_handles, read_vertex_list};
+pub use handles::{check_handles, read_handles, read_vertex_list};
 pub use image_file::{read_image, read_picture, read_texture, write_image, write_picture};
 pub use markers::{MarkerPlace, read_markers};
 pub use mask::read_mask;
@@ -153,6 +157,7 @@ pub fn read_mesh_with(path: impl AsRef<Path>, options: &ReadOptions) -> Result<L
         MeshFormat::Off => off::read_off(path),
         MeshFormat::Gltf => gltf_read::read_gltf_with(path, options),
     }?;
+    check_range(path, &loaded.mesh)?;
     if by_name.is_some_and(|named| named != format) {
         loaded.warnings.push(format!("the content is {format:?}, whatever the extension says"));
     }
@@ -177,11 +182,39 @@ pub fn read_points(path: impl AsRef<Path>) -> Result<LoadedMesh> {
     let mut head = Vec::new();
     let read = source::open(path)?.take(256).read_to_end(&mut head);
     read.map_err(|e| Error::io(path, e, "Check that the file may be read"))?;
-    match sniff(&head).or(by_extension(path)) {
+    let loaded = match sniff(&head).or(by_extension(path)) {
         Some(MeshFormat::Ply) => ply::read_points(path),
         Some(MeshFormat::Obj) => obj::read_points(path),
         _ => read_mesh(path),
+    }?;
+    check_range(path, &loaded.mesh)?;
+    Ok(loaded)
+}
+
+/// Fails for coordinates whose products overflow, and for a mesh whose products vanish. Coordinates that are not finite are what they are: such vertices are passed
+/// over and told of.
+fn check_range(path: &Path, mesh: &Mesh) -> Result<()> {
+    let beyond = |p: &DVec3| p.is_finite() && p.abs().max_element() > *RANGE.end();
+    if let Some(v) = mesh.positions.iter().position(beyond) {
+        let what = format!(
+            "vertex {v} is at {}, beyond {:e}: computing with such numbers overflows",
+            place(mesh.positions[v]),
+            RANGE.end()
+        );
+        return Err(Error::format(path, None, what, "Scale the model, or remove the vertex if nothing belongs there"));
     }
+    let size = mesh.bounds().map_or(0.0, |(low, high)| (high - low).max_element());
+    if size > 0.0 && size < *RANGE.start() {
+        let what =
+            format!("the model is {size:e} wide, less than {:e}: computing with such numbers gives 0", RANGE.start());
+        return Err(Error::format(path, None, what, "Scale the model"));
+    }
+    Ok(())
+}
+
+/// A place for messages: with as many digits as there are, and exponents where numbers are large or small.
+pub(crate) fn place(p: DVec3) -> String {
+    format!("({:?}, {:?}, {:?})", p.x, p.y, p.z)
 }
 
 fn by_extension(path: &Path) -> Option<MeshFormat> {
@@ -257,6 +290,8 @@ mod tests {
             ("d", "", "empty"),
             ("e.ply", "", "end_header"),
             ("f.obj", "", "no face"),
+            ("g.obj", "v 0 0 0\nv 1 0 0\nv 0 -1e155 0\nf 1 2 3\n", "vertex 2 is at (0.0, -1e155, 0.0), beyond 1e100"),
+            ("h.obj", "v 0 0 0\nv 1e-200 0 0\nv 0 1e-201 0\nf 1 2 3\n", "1e-200 wide"),
         ] {
             let path = dir.path().join(name);
             std::fs::write(&path, text).unwrap();

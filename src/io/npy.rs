@@ -4,7 +4,7 @@ use std::path::Path;
 
 use npyz::{DType, NpyFile, Order, TypeChar, WriterBuilder};
 
-use super::{output, source};
+use super::{finite, output, source};
 use crate::{Error, Result};
 
 /// Kinds of whole numbers in NumPy files.
@@ -41,12 +41,16 @@ pub struct NpyMatrix {
     pub integers: Option<IntegerType>,
 }
 
-/// Writes a matrix of `columns` values a row.
+/// Writes a matrix of `columns` values a row. Rows for which `blank` says so may be NaN: there is nothing.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Input`] if the values do not fill whole rows.
-pub fn write_npy(path: impl AsRef<Path>, columns: usize, values: &[f64]) -> Result<()> {
-    write_as(path.as_ref(), columns, values, |v| v)
+/// [`Error::Io`]; [`Error::NotFinite`] for another value that is not finite; [`Error::Input`] if the values do not fill whole rows.
+pub fn write_npy(path: impl AsRef<Path>, columns: usize, values: &[f64], blank: impl Fn(usize) -> bool) -> Result<()> {
+    let path = path.as_ref();
+    let row = |i: usize| i / columns.max(1);
+    let told = values.iter().enumerate().map(|(i, &x)| if x.is_nan() && blank(row(i)) { 0.0 } else { x });
+    finite::numbers(path, told, |i| format!("row {}, column {}", row(i), i - row(i) * columns))?;
+    write_as(path, columns, values, |v| v)
 }
 
 /// [`write_npy`] as whole numbers of a type.
@@ -203,9 +207,9 @@ mod tests {
     fn round_trip_and_damage() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.npy");
-        let values = [0.1, -2.0, f64::NAN, 1e300, 0.0, f64::INFINITY];
+        let values = [0.1, -2.0, f64::NAN, 1e300, 0.0, -1e-300];
         for columns in [1, 2, 3, 6] {
-            write_npy(&path, columns, &values).unwrap();
+            write_npy(&path, columns, &values, |row| row == 2 / columns).unwrap();
             let back = read_npy(&path).unwrap();
             assert_eq!((back.columns, back.integers), (columns, None));
             assert!(back.values.iter().zip(&values).all(|(a, b)| a.to_bits() == b.to_bits()));
@@ -223,8 +227,9 @@ mod tests {
         std::fs::write(&path, &file).unwrap();
         let message = read_npy(&path).unwrap_err().to_string();
         assert!(message.contains("declares"), "{message}");
-        assert!(write_npy(&path, 4, &values).is_err() && write_npy(&path, 0, &[]).is_err());
-        write_npy(&path, 8, &[]).unwrap();
+        let all = |_: usize| true;
+        assert!(write_npy(&path, 4, &values, all).is_err() && write_npy(&path, 0, &[], all).is_err());
+        write_npy(&path, 8, &[], all).unwrap();
         assert_eq!(read_npy(&path).unwrap(), NpyMatrix { columns: 8, values: Vec::new(), integers: None });
     }
 
@@ -305,5 +310,20 @@ mod tests {
         }
         assert!(write_npy_integers(&path, 1, &[2f64.powi(63)], I64).is_err());
         assert!(write_npy_integers(&path, 1, &[2f64.powi(64)], U64).is_err());
+    }
+
+    #[test]
+    fn only_blank_rows_are_not_numbers() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.npy");
+        let message = |values: &[f64], blank: usize| {
+            let error = write_npy(&path, 2, values, |row| row == blank).unwrap_err();
+            assert!(!path.exists());
+            error.to_string()
+        };
+        let nan = [0.0, 1.0, f64::NAN, f64::NAN];
+        assert!(message(&nan, 0).contains("row 1, column 0 would be NaN"));
+        assert!(message(&[0.0, 1.0, 2.0, f64::INFINITY], 1).contains("row 1, column 1 would be inf"));
+        write_npy(&path, 2, &nan, |row| row == 1).unwrap();
     }
 }

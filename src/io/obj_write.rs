@@ -7,7 +7,7 @@ use std::path::{Component, Path, PathBuf};
 
 use super::locate::path_bytes;
 use super::material_library::keyword;
-use super::output;
+use super::{finite, output};
 use crate::Result;
 use crate::geometry::material::{BASE_COLOR, Placement, TextureContent, Wrap};
 use crate::geometry::{Material, Mesh, NONE};
@@ -19,9 +19,10 @@ use crate::raster::linear_to_srgb;
 /// the bytes they had in the file, numbers with as many digits as read back to the same value. Textures are referred to where they lie; embedded ones are written beside the file. Each file appears whole or not at all, the OBJ last.
 ///
 /// # Errors
-/// [`crate::Error::Io`] if a file cannot be written.
+/// [`crate::Error::Io`] if a file cannot be written; [`crate::Error::NotFinite`] for a coordinate that is not finite.
 pub fn write_obj(mesh: &Mesh, path: impl AsRef<Path>) -> Result<()> {
     let path = path.as_ref();
+    finite::mesh(path, mesh)?;
     if !mesh.materials.is_empty() {
         let library = path.with_extension("mtl");
         let text = material_library(mesh, path)?;

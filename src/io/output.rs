@@ -59,8 +59,12 @@ fn fill<T>(path: &Path, file: &mut File, write: impl FnOnce(&mut BufWriter<&mut 
 }
 
 /// [`write_atomically`] for content that is already in memory.
+///
+/// # Errors
+/// As [`write_atomically`]; [`Error::NotFinite`] for a GLB file with a number that is not finite.
 pub fn write_bytes(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
     let path = path.as_ref();
+    super::finite_gltf::check(path, bytes)?;
     write_atomically(path, |w| w.write_all(bytes).map_err(|e| Error::io(path, e, REMEDY)))
 }
 

@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::Path;
 
-use super::output;
+use super::{finite, output};
 use crate::geometry::Mesh;
 use crate::{Error, Result};
 
@@ -50,7 +50,8 @@ pub fn write_ply(mesh: &Mesh, colors: Option<&[[u8; 3]]>, path: impl AsRef<Path>
 /// Writes positions (double precision), polygons and properties of the vertices as little-endian binary PLY.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Input`] if a property has not as many values as there are vertices.
+/// [`Error::Io`]; [`Error::NotFinite`] for a position that is not finite; [`Error::Input`] if a property has not as many values as there are vertices. A property may
+/// be NaN where there is none.
 pub fn write_ply_with(mesh: &Mesh, properties: &[VertexProperty], path: impl AsRef<Path>) -> Result<()> {
     let path = path.as_ref();
     if let Some(p) = properties.iter().find(|p| p.len() != mesh.vertex_count()) {
@@ -58,6 +59,7 @@ pub fn write_ply_with(mesh: &Mesh, properties: &[VertexProperty], path: impl AsR
             format!("{} values of {:?} for the {} vertices of {}", p.len(), p.name, mesh.vertex_count(), mesh.name);
         return Err(Error::input(what, "Give one a vertex"));
     }
+    finite::positions(path, &mesh.positions, "vertex")?;
     output::write_atomically(path, |w| write_elements(mesh, properties, w).map_err(output::failed(path)))
 }
 

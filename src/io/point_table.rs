@@ -5,8 +5,8 @@ use std::path::Path;
 use glam::DVec2;
 
 use super::obj::shortened;
-use super::output;
 use super::table::Table;
+use super::{finite, output};
 use crate::{Error, Result};
 
 /// Names of columns that are added where points are mapped.
@@ -88,13 +88,17 @@ pub struct PointRow {
 /// `jacobian`, and `status`: `ok`, or `failed`, and then the cells of the point are empty.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Input`] if there are not as many rows as points.
+/// [`Error::Io`]; [`Error::NotFinite`] for a number that is not finite; [`Error::Input`] if there are not as many rows as points.
 pub fn write_point_table(path: impl AsRef<Path>, table: &PointTable, rows: &[PointRow], jacobian: bool) -> Result<()> {
     let path = path.as_ref();
     let PointTable { table: given, columns, .. } = table;
     if rows.len() != given.len() {
         let what = format!("{} mapped points for {} rows", rows.len(), given.len());
         return Err(Error::input(what, "Give one for each row"));
+    }
+    let cells = |(p, j): (DVec2, f64)| [p.x, p.y, if jacobian { j } else { 0.0 }];
+    for (k, point) in rows.iter().enumerate().filter_map(|(k, row)| Some((k, row.point?))) {
+        finite::numbers(path, cells(point), |i| format!("row {k}, {}", ["x", "y", "j"][i]))?;
     }
     let added = table.added();
     let added = &added[usize::from(!jacobian)..];

@@ -7,8 +7,8 @@ use glam::DVec3;
 
 use super::anchors::normalised;
 use super::obj::shortened;
-use super::output;
 use super::table::Table;
+use super::{finite, output};
 use crate::geometry::{Mesh, SurfacePoint};
 use crate::{Error, Result};
 
@@ -120,10 +120,11 @@ fn no_header(table: &Table) -> Error {
 /// Writes points as [`read_points`] reads them, with round-trip precision; `answered` is the table that they answer, or an empty one.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Input`] if they are not as many as its rows.
+/// [`Error::Io`]; [`Error::NotFinite`] for a coordinate that is not finite; [`Error::Input`] if they are not as many as its rows.
 pub fn write_points(path: impl AsRef<Path>, points: &[SurfacePoint], answered: &Answered) -> Result<()> {
     let path = path.as_ref();
     answered.check(points.len())?;
+    finite::numbers(path, points.iter().flat_map(|p| p.barycentric), |i| format!("row {}, b{}", i / 3, i % 3))?;
     output::write_atomically(path, |w| {
         let all = answered.write(w, &POINT_HEADER, points.len(), |w, r| {
             let SurfacePoint { face, barycentric } = points[r];
@@ -137,10 +138,16 @@ pub fn write_points(path: impl AsRef<Path>, points: &[SurfacePoint], answered: &
 /// Writes a map with the header [`MAP_HEADER`]; the cells of a row without a point are empty. `answered` is the table of the points, or an empty one.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Input`] if there are not as many rows as in the table.
+/// [`Error::Io`]; [`Error::NotFinite`] for a number that is not finite; [`Error::Input`] if there are not as many rows as in the table.
 pub fn write_map(path: impl AsRef<Path>, rows: &[MapRow], answered: &Answered) -> Result<()> {
     let path = path.as_ref();
     answered.check(rows.len())?;
+    for MapRow { index, point, confidence, .. } in rows {
+        let numbers = point.iter().flat_map(|(s, p)| s.barycentric.into_iter().chain(p.to_array()));
+        finite::numbers(path, [*confidence].into_iter().chain(numbers), |i| {
+            format!("row {index}, {}", ["confidence", "b0", "b1", "b2", "x", "y", "z"][i])
+        })?;
+    }
     let header: Vec<&str> = MAP_HEADER.split(',').collect();
     output::write_atomically(path, |w| {
         let all = answered.write(w, &header, rows.len(), |w, r| {

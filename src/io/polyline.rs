@@ -5,7 +5,7 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::output;
+use super::{finite, output};
 use crate::{Error, Result};
 
 /// A number of each point beside its place, in double precision.
@@ -28,13 +28,22 @@ fn check(runs: &[Vec<DVec3>], properties: &[PointProperty<'_>]) -> Result<usize>
     }
 }
 
+fn check_places(path: &Path, runs: &[Vec<DVec3>]) -> Result<()> {
+    let numbers = runs.iter().flatten().flat_map(|p| p.to_array());
+    finite::numbers(path, numbers, |i| format!("point {}, {}", i / 3, ["x", "y", "z"][i % 3]))
+}
+
 /// Writes runs of joined points as little-endian binary PLY: vertices in double precision with their properties, and an element `edge` that joins neighbours of each run.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Input`] if a property has not as many values as there are points.
+/// [`Error::Io`]; [`Error::NotFinite`] for a number that is not finite; [`Error::Input`] if a property has not as many values as there are points.
 pub fn write_polyline_ply(runs: &[Vec<DVec3>], properties: &[PointProperty<'_>], path: impl AsRef<Path>) -> Result<()> {
     let path = path.as_ref();
     let count = check(runs, properties)?;
+    for p in properties {
+        finite::numbers(path, p.values.iter().copied(), |i| format!("{} of point {i}", p.name))?;
+    }
+    check_places(path, runs)?;
     let edges: usize = runs.iter().map(|r| r.len().saturating_sub(1)).sum();
     let write = |w: &mut dyn Write| -> std::io::Result<()> {
         writeln!(w, "ply\nformat binary_little_endian 1.0\nelement vertex {count}")?;
@@ -64,9 +73,10 @@ pub fn write_polyline_ply(runs: &[Vec<DVec3>], properties: &[PointProperty<'_>],
 /// Writes runs of joined points as OBJ: a `v` line a point with round-trip precision, an `l` line a run.
 ///
 /// # Errors
-/// [`Error::Io`].
+/// [`Error::Io`]; [`Error::NotFinite`] for a coordinate that is not finite.
 pub fn write_polyline_obj(runs: &[Vec<DVec3>], path: impl AsRef<Path>) -> Result<()> {
     let path = path.as_ref();
+    check_places(path, runs)?;
     let write = |w: &mut dyn Write| -> std::io::Result<()> {
         for p in runs.iter().flatten() {
             writeln!(w, "v {} {} {}", p.x, p.y, p.z)?;

@@ -10,7 +10,7 @@ use super::obj::shortened;
 use super::outline::{MappedShape, Part, Shape};
 use super::svg_path::{parse_path, parse_points, write_path, write_points};
 use super::svg_transform::{Affine, length, placement, view_size};
-use super::{output, source};
+use super::{finite, output, source};
 use crate::{Error, Result};
 
 /// More elements than this are not read.
@@ -171,8 +171,15 @@ impl Svg {
     /// Writes [`Svg::replaced`], whole or not at all.
     ///
     /// # Errors
-    /// [`Error::Io`].
+    /// [`Error::Io`]; [`Error::NotFinite`] for a point that is not finite.
     pub fn write(&self, path: impl AsRef<Path>, images: &[Option<MappedShape>]) -> Result<()> {
+        let path = path.as_ref();
+        for (k, image) in images.iter().enumerate() {
+            let points = image.iter().flatten().flatten();
+            finite::numbers(path, points.flat_map(|v| v.point.to_array()), |i| {
+                format!("point {} of shape {k}", i / 2)
+            })?;
+        }
         output::write_bytes(path, self.replaced(images).as_bytes())
     }
 

@@ -9,6 +9,7 @@ mod cases;
 mod decal;
 mod deform;
 mod faults;
+mod finite;
 mod gltf;
 mod kinds;
 mod machine;

@@ -330,7 +330,8 @@ impl<'a> Session<'a> {
     pub(crate) fn write_report(&self, report: &Value) -> Result<()> {
         match &self.common.report {
             Some(path) => barymap::io::report::write_report(path, report),
-            None => Ok(()),
+            // What is told would be wrong as well.
+            None => barymap::io::report::check_report(Path::new("the summary"), report),
         }
     }
 
@@ -344,6 +345,9 @@ impl<'a> Session<'a> {
         &self.bars
     }
 }
+
+/// The part of a mesh's diagonal up to which a move of a position to the surface is not mentioned.
+const ROUNDING: f64 = 1e-6;
 
 /// A mesh with its adjacency and, once made, its embedding.
 pub(crate) struct Surface {
@@ -365,7 +369,9 @@ impl Surface {
         let nearest = |p| closest.nearest(p).unwrap_or((SurfacePoint::new(0, [1.0, 0.0, 0.0]), f64::INFINITY));
         let resolved = list.resolve(&self.mesh, &self.topology, &nearest)?;
         let moved = resolved.iter().map(|r| r.snap_distance).fold(0.0, f64::max);
-        if moved > 0.0 {
+        let diagonal = self.mesh.bounds().map_or(0.0, |(low, high)| low.distance(high));
+        // Less is the rounding of the file they were written to.
+        if moved > ROUNDING * diagonal {
             session.warn(&format!("anchors given by position were moved by up to {moved:.3e} onto {}", self.mesh.name));
         }
         Ok(resolved.iter().map(|r| r.point).collect())

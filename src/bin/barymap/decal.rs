@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use barymap::geometry::{Mesh, Placement, Wrap};
 use barymap::io::decal_anchors::read_decal_anchors;
+use barymap::io::finite;
 use barymap::io::image_file::{Metadata, Picture, check_image_extension};
 use barymap::io::{AnchorSpec, write_obj};
 use barymap::raster::Image;
@@ -158,9 +159,11 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let mut texels = 0;
     match &picture {
         Some(picture) if arguments.draws() => {
+            let finite = texture.iter().chain([picture]).all(finite::is_finite);
             let (image, count) = draw(&session, arguments, &surface, &made, picture, texture, material)?;
             texels = count;
             session.watch.lap("draw");
+            finite::picture(&arguments.output, &image, finite)?;
             session.write_picture(&image, &metadata, &arguments.output)?;
         }
         _ => write_obj(&with_texcoords(&surface.mesh, &made, arguments.patch), &arguments.output)?,

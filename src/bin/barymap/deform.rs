@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use barymap::Result;
 use barymap::encoding::{HierarchyOptions, Quality};
 use barymap::engine::Engine;
-use barymap::io::{read_handles, read_vertex_list};
+use barymap::io::{check_handles, read_handles, read_vertex_list};
 use barymap::tools::deform::{Deformer, Handles};
 use clap::ValueEnum;
 use serde_json::json;
@@ -68,6 +68,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let handles = read_handles(&arguments.handles)?;
     let region = arguments.roi.as_ref().map(read_vertex_list).transpose()?;
     let surface = session.mesh(&arguments.mesh)?;
+    check_handles(&arguments.handles, &surface.mesh, &handles)?;
     let (vertices, positions): (Vec<u32>, Vec<_>) = handles.into_iter().unzip();
     let wanted = Handles { vertices, region };
     let mut deformer = Deformer::new(&surface.mesh, wanted, &HierarchyOptions::default(), session.cache())?;

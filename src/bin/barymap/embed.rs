@@ -25,7 +25,9 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     session.embed(&mut surface, &arguments.embedding.options())?;
     let Some(embedding) = &mut surface.embedding else { return Ok(()) };
     surface.mesh.spread_rows(embedding.dimension, &mut embedding.points);
-    barymap::io::npy::write_npy(&arguments.output, embedding.dimension, &embedding.points)?;
+    // Vertices without a triangle have no place.
+    let blank = |v: usize| surface.topology.vertex_triangles(surface.mesh.representative(v as u32)).is_empty();
+    barymap::io::npy::write_npy(&arguments.output, embedding.dimension, &embedding.points, blank)?;
     session.say(&format!(
         "{}: {} vertices in {} dimensions, {} landmarks, stress {:.5} (relative error of distances {:.1} %)",
         arguments.output.display(),

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use barymap::geometry::{ClosestPoints, SurfacePoint};
+use barymap::io::finite;
 use barymap::io::polyline::{PointProperty, write_polyline_obj, write_polyline_ply};
 use barymap::tools::spline::{
     Disagreement, DrawingOptions, Evaluation, SplineKind, SplineOptions, SplineSurface, SurfaceCurve, drawing,
@@ -189,6 +190,7 @@ fn write(
                     "Give azimuth and elevation in degrees",
                 ));
             }
+            finite::positions(path, &runs.concat(), "point")?;
             let text = drawing(&surface.mesh, &surface.topology, curve, controls, &options);
             barymap::io::output::write_bytes(path, text.as_bytes())
         }

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use barymap::io::cage::CageUnits;
+use barymap::io::finite;
 use barymap::io::image_file::{Metadata, Picture, write_picture};
 use barymap::io::output_set::OutputSet;
 use barymap::mapping::plane::{CompositeMap, jacobian_min};
@@ -107,6 +108,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         let warped = warp_picture(&session.engine, &image, &frame.map, &options, session.progress())?;
         seconds += started.elapsed().as_secs_f64();
         session.watch.lap("warp");
+        finite::picture(&frame.output, &warped.image, finite::is_finite(&image))?;
         let place = match &mut sequence {
             Some(sequence) => sequence.file(&frame.output)?,
             None => frame.output.clone(),

@@ -71,7 +71,7 @@ pub(crate) fn inverse(common: &Common, arguments: &InverseArguments) -> Result<(
     }
     let weights = WeightedPoints::new(surface.shape(), &anchors)?.weights(&points)?;
     session.watch.lap("inverse");
-    barymap::io::npy::write_npy(&arguments.output, anchors.len(), &weights)?;
+    barymap::io::npy::write_npy(&arguments.output, anchors.len(), &weights, |_| false)?;
     session.say(&format!(
         "{}: weights of {} points, {} anchors",
         arguments.output.display(),

@@ -8,13 +8,12 @@ use glam::DVec2;
 use super::locate::{between, orientation};
 use super::measure::signed_area;
 use super::{Defect, EdgeOf, Polygon, VertexOf};
+use crate::geometry::RANGE;
 
 /// Vertices next to one another must be this far apart, in sizes of the polygon: single precision still tells them apart.
 const CLOSE: f64 = 2e-7;
 /// A loop whose area is below this, in squared sizes of the loop, counts as a line.
 const FLAT: f64 = 1e-12;
-/// Sizes whose squared products neither overflow nor lose the exactness of the predicates.
-const RANGE: std::ops::RangeInclusive<f64> = 1e-100..=1e100;
 
 /// Order of the sweep: by x, then by y, as if the plane were sheared a little.
 fn sweep_order(a: DVec2, b: DVec2) -> Ordering {

@@ -9,6 +9,7 @@ use glam::{DMat3, DQuat, DVec3};
 use crate::encoding::Similarity;
 use crate::error::{Error, Result};
 use crate::geometry::Mesh;
+use crate::io::anchors::{ELSEWHERE, FARTHEST, lies_off};
 use crate::io::markers::MarkerPlace;
 use crate::io::motion::Motion;
 
@@ -64,7 +65,7 @@ impl Binding {
             let point = motion.index_of(name)?;
             let vertices = match place {
                 MarkerPlace::Vertices(list) => list.clone(),
-                MarkerPlace::Position(p) => vec![nearest_vertex(mesh, *p)?],
+                MarkerPlace::Position(p) => vec![nearest_vertex(mesh, name, *p)?],
             };
             let from = reference_point(motion, reference, point)?;
             let mut mean = DVec3::ZERO;
@@ -221,13 +222,23 @@ pub fn fullest_frame(motion: &Motion, points: &[usize]) -> usize {
     (0..motion.frames.len()).max_by_key(|&f| (seen(f), std::cmp::Reverse(f))).unwrap_or(0)
 }
 
-fn nearest_vertex(mesh: &Mesh, p: DVec3) -> Result<u32> {
+fn nearest_vertex(mesh: &Mesh, name: &str, p: DVec3) -> Result<u32> {
     let distance = |v: &usize| mesh.positions[*v].distance_squared(p);
     let finite = (0..mesh.vertex_count()).filter(|&v| mesh.positions[v].is_finite());
-    finite
-        .min_by(|a, b| distance(a).total_cmp(&distance(b)))
-        .map(|v| v as u32)
-        .ok_or_else(|| Error::mesh(&mesh.name, "there are no vertices", "Use a mesh with faces"))
+    let nearest = finite.min_by(|a, b| distance(a).total_cmp(&distance(b)));
+    let nearest = nearest.ok_or_else(|| Error::mesh(&mesh.name, "there are no vertices", "Use a mesh with faces"))?;
+    let diagonal = mesh.bounds().map_or(0.0, |(low, high)| low.distance(high));
+    let away = distance(&nearest).sqrt();
+    if !(away <= FARTHEST * diagonal) {
+        let what = format!(
+            "marker {name}: the position {} {} (mesh {})",
+            crate::io::place(p),
+            lies_off(away, diagonal),
+            mesh.name
+        );
+        return Err(Error::input(what, ELSEWHERE));
+    }
+    Ok(nearest as u32)
 }
 
 /// How far the points are from lying on one line: the area of the largest triangle with the two that are farthest apart, over their distance squared.

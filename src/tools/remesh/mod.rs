@@ -20,6 +20,7 @@ use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::forward_in_dimension as in_dimension;
 use crate::geometry::{ClosestPoints, Frame, Mesh, SurfacePoint, Topology};
+use crate::io::anchors::{ELSEWHERE, FARTHEST, lies_off};
 use crate::surface::correspondence::Shape;
 use crate::surface::forward::{AnyForward, Origin};
 use crate::surface::gpu::{DeviceStencils, MOST_ROWS};
@@ -143,7 +144,7 @@ impl<'a> Remesher<'a> {
     ///
     /// # Errors
     /// [`Error::Option`] for options out of range; [`Error::Mesh`] naming the face of `base`: fewer than three corners, a vertex twice, corners on different components of the surface, or no face;
-    /// [`Error::Input`] for a vertex of `base` that is not finite; as [`AnyForward::new`].
+    /// [`Error::Input`] for a vertex of `base` that is not finite or farther from the surface than [`FARTHEST`], or all of them closest to one point; as [`AnyForward::new`].
     pub fn new(shape: Shape<'a>, base: &Mesh, options: &RemeshOptions) -> Result<Self> {
         if !(options.step > 0.0 && options.step <= 1.0) {
             let what = format!("{} is not above 0 and at most 1", options.step);
@@ -170,6 +171,7 @@ impl<'a> Remesher<'a> {
         }
         let closest = ClosestPoints::new(shape.mesh, shape.topology);
         let places: Vec<DVec3> = used.iter().map(|&v| base.positions[v as usize]).collect();
+        let diagonal = shape.mesh.bounds().map_or(0.0, |(low, high)| low.distance(high));
         let mut points = Vec::with_capacity(places.len());
         let mut snapped = Vec::with_capacity(places.len());
         for (found, &v) in closest.nearest_all(&places).into_iter().zip(&used) {
@@ -177,8 +179,20 @@ impl<'a> Remesher<'a> {
                 let what = format!("vertex {v} of {} is not finite", base.name);
                 return Err(Error::input(what, "Correct its coordinates"));
             };
+            if !(distance <= FARTHEST * diagonal) {
+                let what = format!("vertex {v} of {} {}", base.name, lies_off(distance, diagonal));
+                return Err(Error::input(what, ELSEWHERE));
+            }
             points.push(point);
             snapped.push(distance);
+        }
+        let landed = |p: &SurfacePoint| p.position(shape.mesh);
+        if let Some(first) = points.first().map(landed)
+            && points.iter().all(|p| landed(p) == first)
+        {
+            let what =
+                format!("all vertices of {} are closest to one point of {}, {first}", base.name, shape.mesh.name);
+            return Err(Error::input(what, "Move the base mesh to where the surface is"));
         }
         let component = |v: u32| shape.topology.triangle_component(points[v as usize].face);
         for p in 0..polygons.len() {

@@ -3,8 +3,8 @@
 use crate::error::Error;
 use crate::error::Result;
 use crate::geometry::Polygon;
-use crate::mapping::plane::path::{Compatible, Intrinsic, Linear, polygon_at};
-use crate::mapping::plane::{Cage, Partition, PathKind, VertexPath};
+use crate::mapping::plane::path::polygon_at;
+use crate::mapping::plane::{Cage, Partition};
 
 /// The polygons of the map from the source to the polygon at `t` of the path: those of the partition before `t`, then that one.
 ///
@@ -24,12 +24,7 @@ pub fn cut(cage: &Cage, partition: &Partition, t: f64) -> Result<Vec<Polygon>> {
         None => {
             let nesting =
                 cage.source.nesting().map_err(|d| Error::input(d.to_string(), "Make the cage by Cage::new"))?;
-            let path: Box<dyn VertexPath> = match partition.path {
-                PathKind::Linear => Box::new(Linear::new(cage)),
-                PathKind::Intrinsic => Box::new(Intrinsic::new(cage)),
-                PathKind::Compatible => Box::new(Compatible::new(cage)?),
-            };
-            polygon_at(path.as_ref(), t, &nesting)?
+            polygon_at(partition.route.as_ref(), t, &nesting)?
         }
     };
     polygons.push(last);
@@ -49,7 +44,7 @@ pub fn times(count: u32) -> Vec<f64> {
 mod tests {
     use super::*;
     use crate::engine::Engine;
-    use crate::mapping::plane::{CompositeMap, Coordinates, PartitionKind, PartitionOptions, partition};
+    use crate::mapping::plane::{CompositeMap, Coordinates, PartitionKind, PartitionOptions, PathKind, partition};
     use crate::progress::Quiet;
     use glam::DVec2;
 

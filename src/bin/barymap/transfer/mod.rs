@@ -9,7 +9,7 @@ mod textures;
 use std::path::{Path, PathBuf};
 
 use barymap::geometry::Topology;
-use barymap::io::TextureName;
+use barymap::io::{TextureName, finite};
 use barymap::surface::{AnchorPairs, IdentityMap, PointMap};
 use barymap::tools::point_cloud::{is_cloud, triangles_of_points};
 use barymap::tools::transfer::{
@@ -327,6 +327,8 @@ impl Job<'_> {
             session.watch.lap("transfer");
             for (k, (image, role)) in output.layers.iter().zip(&roles).enumerate() {
                 if let Some(path) = names.layer(k, role, part, to) {
+                    let sources_are = layers[k].images.iter().all(|image| finite::is_finite(image));
+                    finite::picture(&path, image, sources_are)?;
                     session.warn_of(&writer.picture(image, &self.layers[k].metadata, &path)?, &path);
                 }
             }
@@ -334,6 +336,7 @@ impl Job<'_> {
                 writer.image(&output.coverage, &path)?;
             }
             if let (Some(path), Some(image)) = (names.stmap(part, to), &output.coordinates) {
+                finite::picture(&path, image, true)?;
                 writer.image(image, &path)?;
             }
             if names.model.is_some() {

@@ -1,11 +1,15 @@
 //! Partitions: into which steps the map is cut so that none folds (paper, sections 2.2, 3.1, 4.1, 4.4).
 
 #[cfg(test)]
+mod continuity_tests;
+#[cfg(test)]
 mod random_tests;
 mod steps;
 mod strategy;
 #[cfg(test)]
 mod tests;
+
+use std::sync::Arc;
 
 use crate::engine::Engine;
 use crate::error::{Error, Result};
@@ -13,7 +17,7 @@ use crate::geometry::Polygon;
 use crate::progress::Progress;
 
 use super::bounds::{SufficientBound, sufficient_bound};
-use super::path::{PathKind, vertex_path};
+use super::path::{Base, PathKind, Relaxed, VertexPath, vertex_path};
 use super::{Cage, Coordinates, Minimum, SampleOptions, jacobian_min};
 pub use steps::Evaluate;
 use steps::{Found, Steps};
@@ -50,7 +54,8 @@ pub struct PartitionOptions {
     /// The path tried first; see [`partition_with`] for the others.
     pub path: PathKind,
     /// Steps no longer than this are not halved any more, 1e-4..=1; along the path of compatible triangulations, which is tried
-    /// last and is slow where it passes thin parts, they may be, to a 65,536th of it, and a note says so.
+    /// last and is slow where it passes thin parts, and in continuous partitions they may be, to a 65,536th of it, and a note says
+    /// so.
     pub eps: f64,
     /// How finely the minimum of the Jacobian is searched for.
     pub samples: SampleOptions,
@@ -92,6 +97,8 @@ pub struct Partition {
     pub steps: Vec<StepReport>,
     /// The path that was taken in the end.
     pub path: PathKind,
+    /// That path itself, for polygons between the knots.
+    pub route: Arc<dyn VertexPath>,
     /// What the user should know: paths that failed, and why.
     pub notes: Vec<String>,
     /// Whether a step folds, as far as was sampled. Such steps are the ones whose minimum is not positive.
@@ -136,7 +143,9 @@ pub fn partition(
 ///
 /// Every polygon is checked for simplicity, orientation and nesting before it is used. Where the path has none at a knot, or
 /// where a refinement ends with a step that still folds, the next path is tried in the order intrinsic, linear, compatible, and
-/// a note says so; the last of them may be halved further than `eps`: see [`PartitionOptions::eps`]. If refinement fails on all
+/// a note says so; the last of them may be halved further than `eps`: see [`PartitionOptions::eps`]. A continuous partition takes the
+/// intrinsic or the linear path between relaxed polygons ([`Relaxed`]) and halves steps as far as it needs, since a change of the path is a
+/// jump of the map; only where that path has no polygon it takes the compatible one. If refinement fails on all
 /// of them, the partition of the first that has one is returned with `folds`. The minimum of an interval is asked for once.
 ///
 /// # Errors
@@ -154,19 +163,19 @@ pub fn partition_with(
     let nesting =
         cage.source.nesting().map_err(|defect| Error::input(defect.to_string(), "Make the cage by Cage::new"))?;
     let mut notes = Vec::new();
-    let mut folded: Option<Found> = None;
-    let order = [PathKind::Intrinsic, PathKind::Linear, PathKind::Compatible];
-    for kind in order.into_iter().skip_while(|&kind| kind != options.path) {
-        let path = match vertex_path(cage, kind) {
+    let mut folded: Option<(Found, Arc<dyn VertexPath>)> = None;
+    for route in routes(options) {
+        let path = match route.path(cage) {
             Ok(path) => path,
             Err(error) => {
                 notes.push(what_of(&error));
                 continue;
             }
         };
+        let kind = path.kind();
         progress.stage(&format!("partition along the {} path", kind.name()), 0);
         let mut limits = Limits { eps: options.eps, steps: (4.0 / options.eps) as usize };
-        if kind == PathKind::Compatible {
+        if kind == PathKind::Compatible || options.kind == PartitionKind::Continuous {
             limits.eps *= LAST_RESORT;
             limits.steps = limits.steps.max(MOST_STEPS);
         }
@@ -175,25 +184,25 @@ pub fn partition_with(
             Ok(found)
                 if !found.folds() || matches!(options.kind, PartitionKind::Direct | PartitionKind::Uniform(_)) =>
             {
-                notes.extend(note_of(&notes, kind));
-                return Ok(finish(found, notes, options.coordinates));
+                notes.extend(note_of(&notes, kind, options, &found));
+                return Ok(finish(found, path, notes, options.coordinates));
             }
             Ok(found) => {
                 notes.push(describe_fold(&found));
-                folded.get_or_insert(found);
+                folded.get_or_insert((found, path));
             }
             Err(Stop::Path(error)) => notes.push(what_of(&error)),
             Err(Stop::Fault(error)) => return Err(error),
         }
     }
     match folded {
-        Some(found) => {
+        Some((found, path)) => {
             notes.push(format!(
                 "no path avoids folds at eps = {}; the {} one is kept. A smaller eps may help, or moving vertices apart",
                 options.eps,
                 found.path.name()
             ));
-            Ok(finish(found, notes, options.coordinates))
+            Ok(finish(found, path, notes, options.coordinates))
         }
         None => Err(Error::numeric(
             format!("no path leads from source to target without self-intersections: {}", notes.join("; ")),
@@ -202,14 +211,61 @@ pub fn partition_with(
     }
 }
 
-/// The sentence that names the path in the end, where it is not the first one tried.
-fn note_of(notes: &[String], kind: PathKind) -> Option<String> {
-    (!notes.is_empty() || kind == PathKind::Compatible).then(|| match kind {
-        PathKind::Compatible => {
-            "the compatible path is used, with steps shorter than eps where it needs them".to_owned()
+/// A path to try.
+#[derive(Clone, Copy)]
+enum Route {
+    Plain(PathKind),
+    Relaxed(Base),
+}
+
+impl Route {
+    fn path(self, cage: &Cage) -> Result<Arc<dyn VertexPath>> {
+        match self {
+            Self::Plain(kind) => vertex_path(cage, kind),
+            Self::Relaxed(base) => Ok(Arc::new(Relaxed::new(cage, base)?)),
         }
-        _ => format!("the {} path is used", kind.name()),
-    })
+    }
+}
+
+/// The paths to try, in order. A continuous partition keeps to one that is continuous in the cage as long as there is one.
+fn routes(options: &PartitionOptions) -> Vec<Route> {
+    use PathKind::{Compatible, Intrinsic, Linear};
+    let continuous = options.kind == PartitionKind::Continuous;
+    let first: Vec<Route> = match options.path {
+        Intrinsic if continuous => vec![Route::Relaxed(Base::Intrinsic)],
+        Linear if continuous => vec![Route::Relaxed(Base::Linear)],
+        Intrinsic => vec![Route::Plain(Intrinsic), Route::Plain(Linear)],
+        Linear => vec![Route::Plain(Linear)],
+        Compatible => Vec::new(),
+        PathKind::Relaxed => vec![Route::Relaxed(Base::Intrinsic)],
+    };
+    first.into_iter().chain([Route::Plain(Compatible)]).collect()
+}
+
+/// The sentence that names the path in the end, where it is not the first one tried or does not keep to what was asked for.
+fn note_of(notes: &[String], kind: PathKind, options: &PartitionOptions, found: &Found) -> Option<String> {
+    let finer = found.knots.windows(2).any(|knots| knots[1] - knots[0] < options.eps / 2.0);
+    let continuous = options.kind == PartitionKind::Continuous;
+    match kind {
+        PathKind::Compatible if continuous && !notes.is_empty() => Some(
+            "the compatible path is used, with steps shorter than eps where it needs them; the map jumps where the cage is moved to or \
+             from here"
+                .to_owned(),
+        ),
+        PathKind::Compatible => {
+            Some("the compatible path is used, with steps shorter than eps where it needs them".to_owned())
+        }
+        _ if !notes.is_empty() => Some(format!("the {} path is used", kind.name())),
+        PathKind::Relaxed => Some(format!(
+            "the path leads through relaxed polygons, since the {} one comes too close to itself{}",
+            if options.path == PathKind::Linear { "linear" } else { "intrinsic" },
+            if finer { "; some steps are shorter than eps" } else { "" }
+        )),
+        _ if continuous && finer => {
+            Some("some steps are shorter than eps, so that the map stays continuous in the cage".to_owned())
+        }
+        _ => None,
+    }
 }
 
 /// The error without its remedy, which speaks of what is being done already.
@@ -238,7 +294,7 @@ fn describe_fold(partition: &Found) -> String {
 }
 
 /// With the notes, and the bounds of the paper on what was found.
-fn finish(found: Found, notes: Vec<String>, coordinates: Coordinates) -> Partition {
+fn finish(found: Found, route: Arc<dyn VertexPath>, notes: Vec<String>, coordinates: Coordinates) -> Partition {
     Partition {
         sufficient_bound: sufficient_bound(coordinates, &found.polygons),
         folds: found.folds(),
@@ -246,6 +302,7 @@ fn finish(found: Found, notes: Vec<String>, coordinates: Coordinates) -> Partiti
         knots: found.knots,
         steps: found.steps,
         path: found.path,
+        route,
         notes,
     }
 }

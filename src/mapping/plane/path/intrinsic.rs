@@ -13,6 +13,18 @@ use super::{PathKind, VertexPath};
 
 /// The least weight of an edge's correction, in the largest (Sederberg et al. 1993).
 const LEAST_WEIGHT: f64 = 1e-4;
+/// The part of an edge's length in its weight where the path is to depend continuously on the polygons.
+const STEADY: f64 = 0.25;
+
+/// Which edges take the correction that closes a loop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Closing {
+    /// Those whose lengths change most. Where no length changes, this has no limit: which edge takes it depends on which of them
+    /// changes by however little.
+    Changing,
+    /// Longer ones and those that change, by weights that are continuous in the lengths.
+    Steady,
+}
 
 /// The intrinsic path of Sederberg, Gao, Wang and Mu 1993, every loop on its own, normalised as in section 3.1 of the paper:
 /// area, barycentre and the angle of the first edge go linearly, the angle the shorter way.
@@ -65,19 +77,29 @@ impl Shape {
 }
 
 impl Ring {
-    fn new(source: &[DVec2], target: &[DVec2]) -> Self {
+    fn new(source: &[DVec2], target: &[DVec2], closing: Closing) -> Self {
         let (source, mut target) = (Shape::new(source), Shape::new(target));
         target.angle = source.angle + (target.angle - source.angle + PI).rem_euclid(TAU) - PI;
-        let change: Vec<f64> = source.lengths.iter().zip(&target.lengths).map(|(a, b)| (a - b).abs()).collect();
-        let largest = change.iter().copied().fold(0.0, f64::max);
-        // Congruent edges differ by rounding only: then longer edges take more of the correction.
-        let longest = source.lengths.iter().copied().fold(0.0, f64::max);
-        let weights = if largest <= 1e-12 * longest {
-            source.lengths.iter().map(|l| l * l).collect()
-        } else {
-            change.iter().map(|&c| c.max(LEAST_WEIGHT * largest).powi(2)).collect()
+        let weights = match closing {
+            Closing::Changing => Self::changing(&source.lengths, &target.lengths),
+            Closing::Steady => {
+                let weight = |(a, b): (&f64, &f64)| (a - b).powi(2) + (STEADY * (a + b) / 2.0).powi(2);
+                source.lengths.iter().zip(&target.lengths).map(weight).collect()
+            }
         };
         Self { source, target, weights }
+    }
+
+    fn changing(source: &[f64], target: &[f64]) -> Vec<f64> {
+        let change: Vec<f64> = source.iter().zip(target).map(|(a, b)| (a - b).abs()).collect();
+        let largest = change.iter().copied().fold(0.0, f64::max);
+        // Congruent edges differ by rounding only: then longer edges take more of the correction.
+        let longest = source.iter().copied().fold(0.0, f64::max);
+        if largest <= 1e-12 * longest {
+            source.iter().map(|l| l * l).collect()
+        } else {
+            change.iter().map(|&c| c.max(LEAST_WEIGHT * largest).powi(2)).collect()
+        }
     }
 
     /// The loop at `t`, or what went wrong.
@@ -133,8 +155,17 @@ impl Ring {
 impl Intrinsic {
     /// The intrinsic path between the polygons of `cage`.
     pub fn new(cage: &Cage) -> Self {
-        let rings = cage.source.loops().iter().zip(cage.target.loops()).map(|(a, b)| Ring::new(a, b)).collect();
-        Self { cage: cage.clone(), rings }
+        Self::closed_by(cage, Closing::Changing)
+    }
+
+    /// The path that is continuous in both polygons, as long as none of their edges turns by half a turn on the way.
+    pub(super) fn steady(cage: &Cage) -> Self {
+        Self::closed_by(cage, Closing::Steady)
+    }
+
+    fn closed_by(cage: &Cage, closing: Closing) -> Self {
+        let loops = cage.source.loops().iter().zip(cage.target.loops());
+        Self { cage: cage.clone(), rings: loops.map(|(a, b)| Ring::new(a, b, closing)).collect() }
     }
 }
 

@@ -1,11 +1,18 @@
 //! Vertex paths: how the source polygon becomes the target (paper, sections 2.2 and 3.1).
 //!
 //! A path gives a polygon for every `t` in 0..1, the source at 0 and the target at 1. Only the polygons a partition uses need to
-//! be simple; each of them is checked ([`polygon_at`]). Three paths are known, in the order in which they are tried.
+//! be simple; each of them is checked ([`polygon_at`]). Three paths are known, in the order in which they are tried; a fourth,
+//! [`Relaxed`], makes the first two continuous in the polygons.
 
+mod clearance;
 mod compatible;
 mod intrinsic;
 mod linear;
+mod placement;
+mod relaxation;
+mod relaxed;
+
+use std::sync::Arc;
 
 use crate::error::{Error, Result};
 use crate::geometry::polygon::Nesting;
@@ -15,6 +22,7 @@ use crate::mapping::plane::Cage;
 pub use compatible::Compatible;
 pub use intrinsic::Intrinsic;
 pub use linear::Linear;
+pub use relaxed::{Base, Relaxed};
 
 /// Which path the vertices take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,6 +33,8 @@ pub enum PathKind {
     Linear,
     /// Convex combinations in compatible triangulations (Gotsman, Surazhsky 2001): never intersects itself.
     Compatible,
+    /// The intrinsic or the linear path between a source and a target that are relaxed as far as it needs: continuous in both.
+    Relaxed,
 }
 
 impl PathKind {
@@ -34,12 +44,13 @@ impl PathKind {
             Self::Intrinsic => "intrinsic",
             Self::Linear => "linear",
             Self::Compatible => "compatible",
+            Self::Relaxed => "relaxed",
         }
     }
 }
 
 /// A continuous path from a source polygon (t = 0) to a target (t = 1).
-pub trait VertexPath: Sync {
+pub trait VertexPath: std::fmt::Debug + Send + Sync {
     /// The polygon at `t` in 0..=1, not checked. At 0 and 1 exactly the ends.
     ///
     /// # Errors
@@ -53,12 +64,13 @@ pub trait VertexPath: Sync {
 /// The path of this kind between the polygons of `cage`.
 ///
 /// # Errors
-/// As [`Compatible::new`]; the others always are.
-pub fn vertex_path(cage: &Cage, kind: PathKind) -> Result<Box<dyn VertexPath>> {
+/// As [`Compatible::new`] and [`Relaxed::new`]; the others always are.
+pub fn vertex_path(cage: &Cage, kind: PathKind) -> Result<Arc<dyn VertexPath>> {
     Ok(match kind {
-        PathKind::Intrinsic => Box::new(Intrinsic::new(cage)),
-        PathKind::Linear => Box::new(Linear::new(cage)),
-        PathKind::Compatible => Box::new(Compatible::new(cage)?),
+        PathKind::Intrinsic => Arc::new(Intrinsic::new(cage)),
+        PathKind::Linear => Arc::new(Linear::new(cage)),
+        PathKind::Compatible => Arc::new(Compatible::new(cage)?),
+        PathKind::Relaxed => Arc::new(Relaxed::new(cage, Base::Intrinsic)?),
     })
 }
 

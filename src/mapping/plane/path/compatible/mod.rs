@@ -22,9 +22,10 @@ use glam::DVec2;
 
 use crate::error::{Error, Result};
 use crate::geometry::Polygon;
-use crate::geometry::polygon::{Nesting, barycentre, signed_area};
+use crate::geometry::polygon::Nesting;
 use crate::mapping::plane::Cage;
 
+use super::placement::Placement;
 use super::{PathKind, VertexPath};
 use cut::{Drawings, Region};
 use system::System;
@@ -53,29 +54,6 @@ pub struct Compatible {
     source: Placement,
     target: Placement,
     system: System,
-}
-
-/// Where a polygon is, how large and how turned, by its outermost loop.
-#[derive(Clone, Copy, Debug)]
-struct Placement {
-    centre: DVec2,
-    /// Square root of the area.
-    scale: f64,
-    angle: f64,
-}
-
-impl Placement {
-    fn of(ring: &[DVec2]) -> Self {
-        Self { centre: barycentre(ring), scale: signed_area(ring).abs().sqrt(), angle: 0.0 }
-    }
-
-    fn normal(&self, v: DVec2) -> DVec2 {
-        DVec2::from_angle(-self.angle).rotate(v - self.centre) / self.scale
-    }
-
-    fn place(&self, v: DVec2) -> DVec2 {
-        self.centre + DVec2::from_angle(self.angle).rotate(v) * self.scale
-    }
 }
 
 fn failure(what: &str) -> Error {
