@@ -123,7 +123,7 @@ impl Metadata {
                 Part::Jpeg(0xfe, _) => "comment",
                 Part::Jpeg(..) => "caption data (IPTC)",
                 Part::Png(name, _) if name.ends_with(b"Xt") => "text",
-                Part::Png(name, _) if name == b"sRGB" => continue,
+                Part::Png([b's', b'R', b'G', b'B'], _) => continue,
                 Part::Png(..) if format == OpenExr => continue,
                 Part::Png(..) => "colour description (colours may look different)",
                 Part::Stale(what) => what,
@@ -181,7 +181,7 @@ mod tests {
     #[test]
     fn lengths_are_converted() {
         let d = Density { x: 300.0, y: 72.0, unit: DensityUnit::Inch }.to(DensityUnit::Metre);
-        assert!((d.x - 11811.023_6).abs() < 1e-3 && (d.to(DensityUnit::Inch).y - 72.0).abs() < 1e-9);
+        assert!((d.x - 11_811.023_6).abs() < 1e-3 && (d.to(DensityUnit::Inch).y - 72.0).abs() < 1e-9);
         let ratio = Density { x: 2.0, y: 1.0, unit: DensityUnit::Aspect };
         assert_eq!(ratio.to(DensityUnit::Inch), ratio);
     }

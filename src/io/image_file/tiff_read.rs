@@ -279,7 +279,7 @@ impl File {
         let alpha = stride > self.meaning.samples();
         match (self.meaning, pixels) {
             (Meaning::WhiteIsZero, mut pixels) => {
-                let color = |k: usize| !alpha || k % 2 == 0;
+                let color = |k: usize| !alpha || k.is_multiple_of(2);
                 match &mut pixels {
                     Pixels::U8(v) => v.iter_mut().enumerate().filter(|p| color(p.0)).for_each(|(_, s)| *s = 255 - *s),
                     Pixels::U16(v) => {
