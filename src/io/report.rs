@@ -9,8 +9,21 @@ use crate::{Error, Result};
 
 /// Keys that are null where there is no such thing. All others have a value: JSON has no number that is not finite, and such a number becomes null without
 /// a word.
-const MAY_BE_NULL: &[&str] =
-    &["alignment", "ambiguity", "field", "flagged", "file", "genus", "layout", "lemma_1", "source", "target", "volume"];
+const MAY_BE_NULL: &[&str] = &[
+    "alignment",
+    "ambiguity",
+    "field",
+    "flagged",
+    "file",
+    "genus",
+    "layout",
+    "lemma_1",
+    "nanoseconds_per_texel",
+    "size_ratio",
+    "source",
+    "target",
+    "volume",
+];
 
 /// Fails if a value of `report` is null that has to be a number; `file` is named.
 ///
