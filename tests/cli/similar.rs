@@ -159,7 +159,7 @@ fn clip(f: &Folder, mesh: &Mesh) {
 /// The commands, and what they write beside a report.
 const COMMANDS: &[(&str, &[&str])] = &[
     ("map --source s.obj --target t.obj --anchors a.json -o m.csv", &["m.csv"]),
-    ("map --source s.obj --target t.obj --anchors a.json -o r.csv --backend reference --align --cycle", &["r.csv"]),
+    ("map --source s.obj --target t.obj --anchors few.json -o r.csv --backend reference --align --cycle", &["r.csv"]),
     ("map --source s.obj --target t.obj --anchors a.json -o i.csv --backend cpu --inverse", &["i.csv"]),
     ("map --source s.obj --target t.obj --anchors a.json -o b.csv --method rbf --relax yes", &["b.csv"]),
     (
@@ -331,7 +331,12 @@ fn same_json(at: &str, a: &Value, b: &Value, motion: &Motion) -> Result<(), Stri
     }
 }
 
-fn check(motions: &[Motion]) {
+#[test]
+fn every_command_is_the_same_far_from_the_origin_and_in_other_units() {
+    let motions = [
+        Motion { shift: DVec3::new(500_000.0, 4_600_000.0, 300.0), scale: 1.0 },
+        Motion { shift: DVec3::new(-16_000_000.0, 1.0, 9_000_000.0), scale: 2f64.powi(-20) },
+    ];
     let rest = folder(&Motion::NONE);
     let moved: Vec<Folder> = motions.iter().map(folder).collect();
     let mut failures = Vec::new();
@@ -345,7 +350,7 @@ fn check(motions: &[Motion]) {
             }
         }
         run(&rest, command);
-        for (f, motion) in moved.iter().zip(motions) {
+        for (f, motion) in moved.iter().zip(&motions) {
             run(f, command);
             for name in outputs.iter().chain([&"report.json"]) {
                 if let Err(what) = same_file(name, &rest, f, motion) {
@@ -355,19 +360,6 @@ fn check(motions: &[Motion]) {
         }
     }
     assert!(failures.is_empty(), "{}", failures.join("\n"));
-}
-
-#[test]
-fn every_command_is_the_same_far_from_the_origin() {
-    check(&[Motion { shift: DVec3::new(500_000.0, 4_600_000.0, 300.0), scale: 1.0 }]);
-}
-
-#[test]
-fn every_command_is_the_same_in_other_units_and_farther_off() {
-    check(&[
-        Motion { shift: DVec3::ZERO, scale: 2f64.powi(-20) },
-        Motion { shift: DVec3::new(-16_000_000.0, 1.0, 9_000_000.0), scale: 2f64.powi(7) },
-    ]);
 }
 
 #[test]
@@ -423,7 +415,11 @@ fn points_of_the_plane_are_the_same_far_from_the_origin() {
         let run = |f: &Folder| {
             let command = format!("--cage cage.json --coordinates {coordinates} --report r.json");
             f.run(&format!("warp-points p.csv -o q.csv {command}")).succeeds();
-            f.run(&format!("warp-points q.csv -o back.csv --inverse {command}")).succeeds();
+            // The images without their status.
+            let rows =
+                f.read("q.csv").lines().map(|l| l.split(',').take(2).collect::<Vec<_>>().join(",")).collect::<Vec<_>>();
+            f.write("images.csv", &rows.join("\n"));
+            f.run(&format!("warp-points images.csv -o back.csv --inverse {command}")).succeeds();
         };
         run(&rest);
         for (shift, scale) in [

@@ -45,7 +45,8 @@ fn exact_shifts_and_scalings_by_powers_of_two_change_no_bit() {
                 let scaled: Vec<f64> = other.embedding.points.iter().map(|x| x * scale).collect();
                 assert!(side.embedding.points == scaled, "the embedding is the same, {motion:?}");
             }
-            for (way, images) in &maps {
+            // Both precisions in turns: the first motion in both.
+            for (way, images) in maps.iter().filter(|(way, _)| i == 0 || way.double == (i % 2 == 0)) {
                 let found = moved.map(way, None);
                 let differ = found.iter().zip(images).filter(|(a, b)| a != b).count();
                 assert_eq!(differ, 0, "of {} images, {way:?} {source:?} {target:?}", images.len());
