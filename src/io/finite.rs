@@ -32,14 +32,15 @@ pub fn numbers(
     }
 }
 
-/// Fails if a position, texture coordinate or normal of `mesh` is not finite.
+/// Fails if a position, texture coordinate, normal or colour of `mesh` is not finite.
 ///
 /// # Errors
 /// [`Error::NotFinite`].
 pub fn mesh(file: &Path, mesh: &Mesh) -> Result<()> {
     positions(file, &mesh.positions, "vertex")?;
     numbers(file, mesh.texcoords.iter().flat_map(|t| t.to_array()), |i| format!("texture coordinate {}", i / 2))?;
-    positions(file, &mesh.normals, "normal")
+    positions(file, &mesh.normals, "normal")?;
+    numbers(file, mesh.colors.iter().flatten().map(|&c| f64::from(c)), |i| format!("colour of vertex {}", i / 4))
 }
 
 /// Fails if one of `positions` is not finite; `each` is the word for one.
