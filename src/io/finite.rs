@@ -10,7 +10,7 @@ use crate::geometry::Mesh;
 use crate::raster::{Image, Pixels};
 use crate::{Error, Result};
 
-const REMEDY: &str = "Look for coordinates in the input that are very large or very small and scale them; if there are none, report this as a fault";
+const REMEDY: &str = "Look in the input for coordinates that are no numbers and remove them, and for very large or small ones and scale the model; if there are none, report this as a fault";
 
 /// The error of an output with a number that is not finite: `element` says where in the file it would have been.
 pub fn refused(file: &Path, element: impl Into<String>, value: f64) -> Error {
