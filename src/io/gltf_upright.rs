@@ -1,5 +1,7 @@
 //! Binary glTF from meshes that are z up: the format is y up, so a node above each root turns what is below it.
 
+use std::borrow::Cow;
+
 use serde_json::{Value, json};
 
 use crate::geometry::UpAxis;
@@ -12,9 +14,9 @@ const HEAD: usize = 20;
 ///
 /// # Errors
 /// [`Error::Input`] if it is not the content of a GLB file, or would exceed the format's 4 GiB.
-pub fn turned_upright(glb: Vec<u8>, up: UpAxis) -> Result<Vec<u8>> {
+pub fn turned_upright(glb: &[u8], up: UpAxis) -> Result<Cow<'_, [u8]>> {
     if up == UpAxis::Y {
-        return Ok(glb);
+        return Ok(glb.into());
     }
     let fail = || Error::input("what is to be turned upright is no GLB", "Give the content of a GLB file");
     let length = glb.get(12..16).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes).ok_or_else(fail)? as usize;
@@ -36,7 +38,7 @@ pub fn turned_upright(glb: Vec<u8>, up: UpAxis) -> Result<Vec<u8>> {
     out.extend_from_slice(&glb[16..HEAD]);
     out.extend(text);
     out.extend_from_slice(rest);
-    Ok(out)
+    Ok(out.into())
 }
 
 /// Puts a node above each root of the scenes. Roots that scenes share keep one node above them: a node has one parent.
@@ -73,8 +75,8 @@ mod tests {
         let mut mesh = uv_sphere(1.0, 8, 6);
         mesh.positions.iter_mut().for_each(|p| *p = UpAxis::Z.from_y(*p * DVec3::new(1.0, 3.0, 0.5)));
         let plain = glb_bytes(&mesh, &[]).unwrap();
-        assert_eq!(turned_upright(plain.clone(), UpAxis::Y).unwrap(), plain);
-        let turned = turned_upright(plain.clone(), UpAxis::Z).unwrap();
+        assert_eq!(turned_upright(&plain, UpAxis::Y).unwrap(), plain);
+        let turned = turned_upright(&plain, UpAxis::Z).unwrap();
         let (before, _, _) = gltf::import_slice(&plain).unwrap();
         let (document, buffers, _) = gltf::import_slice(&turned).unwrap();
         let root = document.default_scene().or(document.scenes().next()).unwrap().nodes().next().unwrap();
@@ -87,9 +89,7 @@ mod tests {
         let (low, high) = heights.iter().fold((f32::MAX, f32::MIN), |(l, h), y| (l.min(*y), h.max(*y)));
         assert!((low + 3.0).abs() < 1e-5 && (high - 3.0).abs() < 1e-5, "{low} {high}");
         assert_eq!(document.nodes().count(), before.nodes().count() + 1);
-        assert!(
-            turned_upright(b"no glb".to_vec(), UpAxis::Z).is_err() && turned_upright(Vec::new(), UpAxis::Z).is_err()
-        );
+        assert!(turned_upright(b"no glb", UpAxis::Z).is_err() && turned_upright(&[], UpAxis::Z).is_err());
     }
 
     #[test]
