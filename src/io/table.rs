@@ -183,7 +183,7 @@ impl Table {
     /// The names of the columns, without blanks around them and, of a commented header, without `#`.
     pub fn names(&self) -> Option<Vec<&str>> {
         let header = self.header.as_ref()?;
-        Some(header.iter().map(|c| c.trim().trim_matches('"').trim_start_matches('#').trim()).collect())
+        Some(header.iter().map(|c| bare(c).trim_start_matches('#').trim()).collect())
     }
 
     /// The column of that name: as written, else whatever case.
@@ -218,9 +218,9 @@ impl Table {
         self.rows[row].cells.len()
     }
 
-    /// A cell without the blanks and stray quotation marks around it; empty where the row is shorter.
+    /// A cell without the blanks around it, and quotation marks behind such blanks; empty where the row is shorter.
     pub fn cell(&self, row: usize, column: usize) -> &str {
-        self.rows[row].cells.get(column).unwrap_or_default().trim().trim_matches('"').trim()
+        bare(self.rows[row].cells.get(column).unwrap_or_default())
     }
 
     /// An error in a row.
@@ -317,6 +317,12 @@ impl Table {
     pub(crate) fn raw(&self, row: usize, column: usize) -> &str {
         self.rows[row].cells.get(column).unwrap_or_default()
     }
+}
+
+/// A cell without blanks around it, and without quotation marks that stand behind blanks, which the `csv` crate leaves there.
+fn bare(cell: &str) -> &str {
+    let cell = cell.trim();
+    cell.strip_prefix('"').and_then(|c| c.strip_suffix('"')).map_or(cell, str::trim)
 }
 
 /// The separator of a line such as `sep=;`.
