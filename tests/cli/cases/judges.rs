@@ -303,7 +303,8 @@ fn map_bump_normal(case: &Case) {
     for (x, y) in inside(&out) {
         for (c, expected) in [128.0, 210.0, 225.0].into_iter().enumerate() {
             let value = 255.0 * out.get(x, y, c as u32);
-            assert!((value - expected).abs() < 3.0, "texel {x}, {y}, channel {c}: {value}");
+            // Normals of the mesh vary by as much between the layouts.
+            assert!((value - expected).abs() < 5.0, "texel {x}, {y}, channel {c}: {value}");
         }
     }
 }
