@@ -365,7 +365,7 @@ fn a_set_of_texture_coordinates_is_chosen() {
     let difference = |turn: bool| {
         let at = |x: u32| if turn { 127 - x } else { x };
         let sum: f64 = (0..128 * 128)
-            .map(|i| f64::from((own.get(i % 128, i / 128, 1) - other.get(at(i % 128), i / 128, 1)).abs()))
+            .map(|i| f64::from((own.get(i % 128, i / 128, 0) - other.get(at(i % 128), i / 128, 0)).abs()))
             .sum();
         sum / f64::from(128 * 128)
     };
