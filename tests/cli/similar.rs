@@ -439,7 +439,10 @@ fn points_of_the_plane_are_the_same_far_from_the_origin() {
                 }
             }
             let [a, b] = [&rest, &there].map(|f| f.json("r.json"));
-            for key in ["steps", "certified", "bijective", "points", "failed"] {
+            // Steps tell where their smallest Jacobian is, which moves along.
+            let steps = |r: &Value| r["steps"].as_array().map(Vec::len);
+            assert_eq!(steps(&a), steps(&b), "{coordinates} {shift} {scale}: steps");
+            for key in ["bijective", "points", "failed"] {
                 assert_eq!(a[key], b[key], "{coordinates} {shift} {scale}: {key}");
             }
         }
