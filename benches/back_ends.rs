@@ -32,74 +32,80 @@ fn numbers(path: &Path) -> Result<Vec<Vec<f64>>> {
     Ok(std::fs::read_to_string(path)?.lines().map(line).filter(|l| !l.is_empty()).collect())
 }
 
+/// What a pair is called by the paths of its meshes.
+fn name(source: &str, target: &str) -> String {
+    let stem = |path: &str| path.rsplit('/').next().unwrap_or(path).trim_end_matches(".obj").to_owned();
+    format!("{} to {}", stem(source), stem(target))
+}
+
 impl Pair {
-    /// Meshes of the same connectivity.
-    fn same(folder: &Path, source: &str, target: &str) -> Result<Self> {
+    /// Meshes with anchors that `set` makes of so many vertices of the target, 27 and 93.
+    fn new(
+        folder: &Path,
+        [source, target]: [&str; 2],
+        there: &dyn Fn(&Surface, u32) -> Result<SurfacePoint>,
+    ) -> Result<Self> {
+        let name = name(source, target);
         let (source, target) = (Surface::read(folder.join(source))?, Surface::read(folder.join(target))?);
-        let set = |n: usize| -> Result<AnchorPairs> {
-            let vertices = target.farthest(n);
-            let on = |s: &Surface| vertices.iter().map(|&v| s.vertex(v)).collect::<Result<Vec<SurfacePoint>>>();
-            Ok(AnchorPairs { source: on(&source)?, target: on(&target)? })
-        };
-        let anchors = vec![set(27)?, set(93)?];
-        Ok(Self { name: format!("{} to {}", source.mesh.name, target.mesh.name), source, target, anchors })
-    }
-
-    /// Meshes with these pairs of vertices.
-    fn given(folder: &Path, source: &str, target: &str, pairs: &[[u32; 2]]) -> Result<Self> {
-        let (source, target) = (Surface::read(folder.join(source))?, Surface::read(folder.join(target))?);
-        let on = |s: &Surface, k: usize| pairs.iter().map(|p| s.vertex(p[k])).collect::<Result<Vec<SurfacePoint>>>();
-        let anchors = vec![AnchorPairs { source: on(&source, 0)?, target: on(&target, 1)? }];
-        Ok(Self { name: format!("{} to {}", source.mesh.name, target.mesh.name), source, target, anchors })
-    }
-
-    fn read(folder: &Path) -> Result<Vec<Self>> {
-        let mut pairs = Vec::new();
-        let both = |pairs: &mut Vec<Self>, a: &str, b: &str| -> Result<()> {
-            pairs.push(Self::same(folder, a, b)?);
-            pairs.push(Self::same(folder, b, a)?);
-            Ok(())
-        };
-        both(&mut pairs, "gt/smpl_same/woman.obj", "gt/smpl_same/man.obj")?;
-        let fox = |pose: &str| format!("gt/fox_same/fox_{pose}.obj");
-        for (a, b) in [("rest", "run"), ("rest", "survey"), ("run", "survey")] {
-            both(&mut pairs, &fox(a), &fox(b))?;
-        }
-        let human = |who: &str| format!("textured/human_{who}/human_{who}.obj");
-        both(&mut pairs, &human("female"), &human("male"))?;
-        let landmarks = numbers(&folder.join("gt/cat_lion/landmarks.txt"))?;
-        let landmarks: Vec<[u32; 2]> = landmarks.iter().map(|l| [l[0] as u32, l[1] as u32]).collect();
-        let turned: Vec<[u32; 2]> = landmarks.iter().map(|l| [l[1], l[0]]).collect();
-        let (cat, lion) = ("gt/cat_lion/cat-00.obj", "gt/cat_lion/lion-00.obj");
-        pairs.push(Self::given(folder, cat, lion, &landmarks)?);
-        pairs.push(Self::given(folder, lion, cat, &turned)?);
-        let animals = ["381", "384", "388", "391"];
-        let marks = |a: &str| -> Result<Vec<u32>> {
-            let lines = numbers(&folder.join(format!("gt/shrec_quadrupeds/{a}.vts")))?;
-            Ok(lines.iter().filter_map(|l| l.first()).map(|&v| v as u32).collect())
-        };
-        for a in animals {
-            for b in animals.into_iter().filter(|b| *b != a) {
-                let together: Vec<[u32; 2]> = marks(a)?.into_iter().zip(marks(b)?).map(|(a, b)| [a, b]).collect();
-                let path = |a: &str| format!("gt/shrec_quadrupeds/{a}.obj");
-                pairs.push(Self::given(folder, &path(a), &path(b), &together)?);
-            }
-        }
-        // Of other connectivity, with a true image for each vertex of the target.
-        let (man, woman) = ("gt/smpl_cross/man.obj", "gt/smpl_cross/woman_9k.obj");
-        let (source, target) = (Surface::read(folder.join(man))?, Surface::read(folder.join(woman))?);
-        let truth = numbers(&folder.join("gt/smpl_cross/truth.txt"))?;
-        let there = |v: u32| {
-            let l = &truth[v as usize];
-            SurfacePoint::new(l[0] as u32, [l[1], l[2], l[3]])
-        };
         let set = |n: usize| -> Result<AnchorPairs> {
             let vertices = target.farthest(n);
             let on = vertices.iter().map(|&v| target.vertex(v)).collect::<Result<_>>()?;
-            Ok(AnchorPairs { source: vertices.iter().map(|&v| there(v)).collect(), target: on })
+            Ok(AnchorPairs { source: vertices.iter().map(|&v| there(&source, v)).collect::<Result<_>>()?, target: on })
         };
         let anchors = vec![set(27)?, set(93)?];
-        pairs.push(Self { name: "man to woman of other connectivity".into(), source, target, anchors });
+        Ok(Self { name, source, target, anchors })
+    }
+
+    /// Meshes with these pairs of vertices.
+    fn given(folder: &Path, [source, target]: [&str; 2], pairs: &[[u32; 2]]) -> Result<Self> {
+        let name = name(source, target);
+        let (source, target) = (Surface::read(folder.join(source))?, Surface::read(folder.join(target))?);
+        let on = |s: &Surface, k: usize| pairs.iter().map(|p| s.vertex(p[k])).collect::<Result<Vec<SurfacePoint>>>();
+        let anchors = vec![AnchorPairs { source: on(&source, 0)?, target: on(&target, 1)? }];
+        Ok(Self { name, source, target, anchors })
+    }
+
+    /// The pairs of the folder of real models whose names are wanted.
+    fn read(folder: &Path, wanted: &dyn Fn(&str) -> bool) -> Result<Vec<Self>> {
+        let mut pairs = Vec::new();
+        let wanted = |pair: &[&str; 2]| wanted(&name(pair[0], pair[1]));
+        // Of the same connectivity.
+        let same = [
+            ["gt/smpl_same/woman.obj", "gt/smpl_same/man.obj"],
+            ["gt/fox_same/fox_rest.obj", "gt/fox_same/fox_run.obj"],
+            ["gt/fox_same/fox_rest.obj", "gt/fox_same/fox_survey.obj"],
+            ["gt/fox_same/fox_run.obj", "gt/fox_same/fox_survey.obj"],
+            ["textured/human_female/human_female.obj", "textured/human_male/human_male.obj"],
+        ];
+        for pair in same.into_iter().flat_map(|[a, b]| [[a, b], [b, a]]).filter(wanted) {
+            pairs.push(Self::new(folder, pair, &|source, v| source.vertex(v))?);
+        }
+        // Of other connectivity, with a true image for each vertex of the target.
+        for pair in [["gt/smpl_cross/man.obj", "gt/smpl_cross/woman_9k.obj"]].into_iter().filter(wanted) {
+            let truth = numbers(&folder.join("gt/smpl_cross/truth.txt"))?;
+            pairs.push(Self::new(folder, pair, &|_, v| {
+                let l = &truth[v as usize];
+                Ok(SurfacePoint::new(l[0] as u32, [l[1], l[2], l[3]]))
+            })?);
+        }
+        // With landmarks.
+        let (cat, lion) = ("gt/cat_lion/cat-00.obj", "gt/cat_lion/lion-00.obj");
+        for pair in [[cat, lion], [lion, cat]].into_iter().filter(wanted) {
+            let lines = numbers(&folder.join("gt/cat_lion/landmarks.txt"))?;
+            let first = usize::from(pair[0] == lion);
+            let marks: Vec<[u32; 2]> = lines.iter().map(|l| [l[first] as u32, l[1 - first] as u32]).collect();
+            pairs.push(Self::given(folder, pair, &marks)?);
+        }
+        let animals = ["381", "384", "388", "391"].map(|a| format!("gt/shrec_quadrupeds/{a}"));
+        for (a, b) in animals.iter().flat_map(|a| animals.iter().map(move |b| (a, b))).filter(|(a, b)| a != b) {
+            let files = [format!("{a}.obj"), format!("{b}.obj")];
+            let pair = [files[0].as_str(), files[1].as_str()];
+            if wanted(&pair) {
+                let marks = |a: &str| numbers(&folder.join(format!("{a}.vts")));
+                let both = marks(a)?.into_iter().zip(marks(b)?).map(|(a, b)| [a[0] as u32, b[0] as u32]);
+                pairs.push(Self::given(folder, pair, &both.collect::<Vec<_>>())?);
+            }
+        }
         Ok(pairs)
     }
 
@@ -124,7 +130,7 @@ fn main() -> Result<()> {
     let filter = std::env::args().skip(1).find(|a| !a.starts_with('-')).unwrap_or_default();
     let mut pairs = vec![Pair::built_in()?];
     if let Some(folder) = data() {
-        pairs.extend(Pair::read(&folder)?);
+        pairs.extend(Pair::read(&folder, &|name| name.contains(&filter))?);
     }
     let engine = |backend| Engine::new(EngineOptions { backend, ..EngineOptions::default() });
     let reference = engine(Backend::Reference)?;

@@ -6,6 +6,8 @@
 const SLACK: f32 = 1e-4;
 const NEWTON_STEPS: u32 = 12u;
 const EPSILON: f32 = 1.1920928955078125e-7;
+// psi::ROUNDING.
+const ROUNDING: f32 = 2.0;
 
 // Q_kj = G_k T_i(k) (v_j - ybar) as the columns j of one matrix for each k, and where the iteration starts.
 struct System {
@@ -16,6 +18,8 @@ struct System {
     q4: mat3x2f,
     q5: mat3x2f,
     start: vec3f,
+    // Length that the rounding of coordinates leaves open.
+    rounding: f32,
 }
 
 fn tangential(t: Corner, d0: Vector, d1: Vector, d2: Vector) -> mat3x2f {
@@ -51,7 +55,7 @@ fn phong_system(vertices: texture_2d<u32>, triangles: texture_2d<u32>, face: u32
     let p1 = tangential(t1, d0, d1, d2);
     let p2 = tangential(t2, d0, d1, d2);
     let start = flat_projection(sub_vector(t0.y, t2.y), sub_vector(t1.y, t2.y), d2);
-    return System(g.g0 * p0, g.g1 * p1, g.g2 * p1, g.g3 * p2, g.g4 * p2, g.g5 * p0, start);
+    return System(g.g0 * p0, g.g1 * p1, g.g2 * p1, g.g3 * p2, g.g4 * p2, g.g5 * p0, start, ROUNDING * EPSILON * largest_component(mean));
 }
 
 struct Root {
@@ -105,13 +109,22 @@ fn newton_step(system: System, x: vec3f) -> Step {
     return Step(vec2f(j1.x * f.y - j1.y * f.x, j0.y * f.x - j0.x * f.y) / det, true);
 }
 
-// Accepts coordinates within the slack, clamped to the triangle.
-fn inside_or_not(x: vec3f) -> Root {
-    if min(x.x, min(x.y, x.z)) < -SLACK {
-        return Root(x, false);
-    }
+// Accepts coordinates that lie outside by no more than the slack, or than a length that rounding leaves open; clamped to the
+// triangle.
+fn inside_or_not(system: System, x: vec3f) -> Root {
     let c = max(x, vec3f());
-    return Root(c / (c.x + c.y + c.z), true);
+    let inside = c / (c.x + c.y + c.z);
+    if min(x.x, min(x.y, x.z)) >= -SLACK {
+        return Root(inside, true);
+    }
+    // How far that moves the point, as seen in the planes of the three corners; their turn by G_k changes it by less than a
+    // half.
+    let d = inside - x;
+    let moved = max(largest(system.q0 * d), max(largest(system.q1 * d), largest(system.q3 * d)));
+    if moved <= system.rounding {
+        return Root(inside, true);
+    }
+    return Root(x, false);
 }
 
 // The vertex nearest to x, if it is a root. Lengths are those of Q in place of P:
@@ -128,7 +141,7 @@ fn vertex_root(system: System, x: vec3f) -> Root {
     }
     let own = q * e;
     let scale = max(largest(q[0] - own), max(largest(q[1] - own), largest(q[2] - own)));
-    if largest(own) <= SLACK * scale {
+    if largest(own) <= max(SLACK * scale, system.rounding) {
         return Root(e, true);
     }
     return Root(x, false);
@@ -153,12 +166,12 @@ fn project_triangle(system: System, patience: f32) -> Root {
         }
         let size = largest(step.d);
         if size <= 8.0 * EPSILON || (size <= 1e-4 && size * size <= EPSILON * s && last < 1e30) {
-            return inside_or_not(x);
+            return inside_or_not(system, x);
         }
         last = size;
     }
     if last <= 1e-3 {
-        return inside_or_not(x);
+        return inside_or_not(system, x);
     }
     return Root(x, false);
 }

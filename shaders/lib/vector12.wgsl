@@ -22,6 +22,12 @@ fn sub_vector(p: Vector, q: Vector) -> Vector {
     return Vector(p.a - q.a, p.b - q.b, p.c - q.c);
 }
 
+// The largest absolute value of a component.
+fn largest_component(p: Vector) -> f32 {
+    let m = max(max(abs(p.a), abs(p.b)), abs(p.c));
+    return max(max(m.x, m.y), max(m.z, m.w));
+}
+
 fn dot_vector(p: Vector, q: Vector) -> f32 {
     let s = p.a * q.a + p.b * q.b + p.c * q.c;
     return (s.x + s.y) + (s.z + s.w);

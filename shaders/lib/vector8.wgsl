@@ -23,6 +23,12 @@ fn sub_vector(a: Vector, b: Vector) -> Vector {
     return Vector(a.lo - b.lo, a.hi - b.hi);
 }
 
+// The largest absolute value of a component.
+fn largest_component(a: Vector) -> f32 {
+    let m = max(abs(a.lo), abs(a.hi));
+    return max(max(m.x, m.y), max(m.z, m.w));
+}
+
 fn scaled_vector(s: f32, a: Vector) -> Vector {
     return Vector(s * a.lo, s * a.hi);
 }

@@ -10,7 +10,7 @@ use crate::geometry::Mesh;
 use crate::raster::{Image, Pixels};
 use crate::{Error, Result};
 
-const REMEDY: &str = "Look for coordinates in the input that are very large or very small and scale them; if there are none, report this as a fault";
+const REMEDY: &str = "Look in the input for coordinates that are no numbers and remove them, and for very large or small ones and scale the model; if there are none, report this as a fault";
 
 /// The error of an output with a number that is not finite: `element` says where in the file it would have been.
 pub fn refused(file: &Path, element: impl Into<String>, value: f64) -> Error {
@@ -32,14 +32,15 @@ pub fn numbers(
     }
 }
 
-/// Fails if a position, texture coordinate or normal of `mesh` is not finite.
+/// Fails if a position, texture coordinate, normal or colour of `mesh` is not finite.
 ///
 /// # Errors
 /// [`Error::NotFinite`].
 pub fn mesh(file: &Path, mesh: &Mesh) -> Result<()> {
     positions(file, &mesh.positions, "vertex")?;
     numbers(file, mesh.texcoords.iter().flat_map(|t| t.to_array()), |i| format!("texture coordinate {}", i / 2))?;
-    positions(file, &mesh.normals, "normal")
+    positions(file, &mesh.normals, "normal")?;
+    numbers(file, mesh.colors.iter().flatten().map(|&c| f64::from(c)), |i| format!("colour of vertex {}", i / 4))
 }
 
 /// Fails if one of `positions` is not finite; `each` is the word for one.

@@ -221,7 +221,8 @@ impl SceneReader<'_> {
             .collect();
         let known = data.material.filter(|m| *m < document.root.materials.len());
         self.builder.material = known.map_or(NONE, |m| m as u32);
-        self.parts[part].first_triangle = self.builder.mesh.triangle_count();
+        // Every polygon is a triangle.
+        self.parts[part].first_triangle = self.builder.mesh.polygon_count();
         self.parts[part].triangles = corners.len();
         corners.into_iter().for_each(|triangle| self.builder.polygon(triangle));
         Ok(())
@@ -402,8 +403,11 @@ mod tests {
         assert!(read(&many).is_ok());
         let mut zeros = triangle();
         zeros["meshes"] = json!([{"primitives": vec![json!({"attributes": {"POSITION": 2}, "indices": 1}); 10_000]}]);
-        zeros["accessors"][2] = json!({"componentType": 5126, "count": 2000, "type": "VEC3", "sparse": {"count": 1,
-            "indices": {"bufferView": 0, "byteOffset": 37, "componentType": 5121}, "values": {"bufferView": 0}}});
+        zeros["accessors"]
+            .as_array_mut()
+            .unwrap()
+            .push(json!({"componentType": 5126, "count": 2000, "type": "VEC3", "sparse": {"count": 1,
+            "indices": {"bufferView": 0, "byteOffset": 37, "componentType": 5121}, "values": {"bufferView": 0}}}));
         assert!(read(&zeros).unwrap_err().to_string().contains("expand"));
     }
 }

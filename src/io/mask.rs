@@ -142,7 +142,7 @@ mod tests {
             ("0\n1.5\n1", 2, "vertex 1"),
             ("0\n-1\n1", 2, "vertex 1"),
             ("0\nnan\n1", 2, "vertex 1"),
-            ("0\n0 1\n1", 2, "2 numbers"),
+            ("0\n0 1\n1", 2, "\"0 1\""),
             ("0 0\n0.6 0.6\n1 0", 3, "vertex 1"),
         ] {
             std::fs::write(&path, text).unwrap();

@@ -36,6 +36,7 @@ mod gltf_samples;
 mod gltf_scene;
 mod gltf_skin;
 mod gltf_split;
+pub mod gltf_upright;
 pub mod gltf_write;
 pub mod handles;
 pub mod image_file;

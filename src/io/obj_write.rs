@@ -266,7 +266,19 @@ mod tests {
 
     const AWKWARD: &str = "mtllib in.mtl\nv 5 5 5\nv 0.1 0.30000000000000004 1e-300\nv 1 0 0\nv 123456789.123456789 0 0\nv 0 1 0\n\
         vt 0.5 -3.25\nvt 1 0.1\nvn 0 0 1\nf 2 3 4\ng left arm\nf 2/1 3/2 4/1 5/2\nusemtl skin\ng right\nf 2//1 3//1 4//1\n\
-        g left arm\nf 2/1/1 3/2/1 4/1/1\no hand\ns 3\nf 2 3 5\ng left arm\ns off\nf 2 3 5\no\ng\nusemtl\nf 3 4 5\nv nan 0 0\n";
+        g left arm\nf 2/1/1 3/2/1 4/1/1\no hand\ns 3\nf 2 3 5\ng left arm\ns off\nf 2 3 5\no\ng\nusemtl\nf 3 4 5\n";
+
+    #[test]
+    fn a_number_that_is_not_finite_is_not_written() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("out.obj");
+        std::fs::write(&path, "old").unwrap();
+        // Even where nothing uses it.
+        let mesh = parse_obj("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nv nan 0 0\n".as_bytes(), &path).unwrap().mesh;
+        let message = write_obj(&mesh, &path).unwrap_err().to_string();
+        assert!(message.contains("out.obj: vertex 3, x would be NaN"), "{message}");
+        assert_eq!(std::fs::read(&path).unwrap(), b"old");
+    }
 
     #[test]
     fn a_round_trip_keeps_everything() {
@@ -281,7 +293,7 @@ mod tests {
         let out = dir.path().join("b/c/out.obj");
         write_obj(&first, &out).unwrap();
         let mut second = read_obj(&out).unwrap();
-        assert_eq!(second.warnings.len(), 1, "{:?}", second.warnings);
+        assert!(second.warnings.is_empty(), "{:?}", second.warnings);
         let texture = second.mesh.materials[0].base_color_texture.take().unwrap();
         assert_eq!(texture, dir.path().join("b/c/../../a/textures/skin 1.png"));
         second.mesh.materials[0].base_color_texture = first.materials[0].base_color_texture.clone();

@@ -125,7 +125,7 @@ impl Table {
             line += body.as_bytes()[counted..start].iter().filter(|b| **b == b'\n').count();
             counted = start;
             let is_last = reader.position().byte() as usize >= body.len();
-            if is_last && is_unclosed(&body[start..], cells.iter().next_back().unwrap_or_default()) {
+            if is_last && is_unclosed(&body[start..], self.dialect.separator.byte()) {
                 let what = "a quotation mark in this row is never closed";
                 return Err(Error::format(&self.path, Some(line), what, "Close it, or double it inside a cell"));
             }
@@ -183,7 +183,7 @@ impl Table {
     /// The names of the columns, without blanks around them and, of a commented header, without `#`.
     pub fn names(&self) -> Option<Vec<&str>> {
         let header = self.header.as_ref()?;
-        Some(header.iter().map(|c| c.trim().trim_matches('"').trim_start_matches('#').trim()).collect())
+        Some(header.iter().map(|c| bare(c).trim_start_matches('#').trim()).collect())
     }
 
     /// The column of that name: as written, else whatever case.
@@ -218,9 +218,9 @@ impl Table {
         self.rows[row].cells.len()
     }
 
-    /// A cell without the blanks and stray quotation marks around it; empty where the row is shorter.
+    /// A cell without the blanks around it, and quotation marks behind such blanks; empty where the row is shorter.
     pub fn cell(&self, row: usize, column: usize) -> &str {
-        self.rows[row].cells.get(column).unwrap_or_default().trim().trim_matches('"').trim()
+        bare(self.rows[row].cells.get(column).unwrap_or_default())
     }
 
     /// An error in a row.
@@ -319,6 +319,12 @@ impl Table {
     }
 }
 
+/// A cell without blanks around it, and without quotation marks that stand behind blanks, which the `csv` crate leaves there.
+fn bare(cell: &str) -> &str {
+    let cell = cell.trim();
+    cell.strip_prefix('"').and_then(|c| c.strip_suffix('"')).map_or(cell, str::trim)
+}
+
 /// The separator of a line such as `sep=;`.
 fn declared_separator(line: &str) -> Option<Separator> {
     let sign = line.get(..4).filter(|k| k.eq_ignore_ascii_case("sep=")).map(|_| &line[4..])?;
@@ -333,7 +339,8 @@ fn declared_separator(line: &str) -> Option<Separator> {
 
 /// `body` with empty lines in the place of comments, and their number.
 ///
-/// A line that begins with `#` outside of quotation marks is none if it has as many cells as the row before it: `#1,2,3` below `#0,1,2`.
+/// A line that begins with `#` outside of quotation marks is none if it has as many cells as the row before it and a number behind the first: `#b,2`
+/// below `#a,1`.
 fn without_comments(body: &str, separator: Separator) -> (Cow<'_, str>, usize) {
     if !body.contains('#') {
         return (body.into(), 0);
@@ -341,28 +348,45 @@ fn without_comments(body: &str, separator: Separator) -> (Cow<'_, str>, usize) {
     let (mut text, mut comments) = (String::with_capacity(body.len()), 0);
     let (mut quoted, mut width) = (false, 0);
     for line in body.split_inclusive('\n') {
-        let cells = match separator {
-            Separator::Blanks => line.split_whitespace().count(),
-            other => line.split(char::from(other.byte())).count(),
+        let cells: Vec<&str> = match separator {
+            Separator::Blanks => line.split_whitespace().collect(),
+            other => line.split(char::from(other.byte())).collect(),
         };
-        if !quoted && line.trim_start().starts_with('#') && (cells < 2 || cells != width) {
-            comments += 1;
-            text.push('\n');
-            continue;
+        if !quoted && line.trim_start().starts_with('#') {
+            let has_number = cells.iter().skip(1).any(|c| table_number::shape(c.trim()) != Shape::Word);
+            if cells.len() != width || !has_number {
+                comments += 1;
+                text.push('\n');
+                continue;
+            }
         }
         quoted ^= line.bytes().filter(|b| *b == b'"').count() % 2 == 1;
         if !line.trim().is_empty() {
-            width = cells;
+            width = cells.len();
         }
         text.push_str(line);
     }
     (text.into(), comments)
 }
 
-/// Whether the last row, `rest` of the text, ends inside `last`, a cell whose quotation mark is not closed.
-fn is_unclosed(rest: &str, last: &str) -> bool {
-    let closed_and_empty = last.is_empty() && rest.ends_with("\"\"");
-    rest.ends_with(&format!("\"{}", last.replace('"', "\"\""))) && !closed_and_empty
+/// Whether the last row, `rest` of the text, ends inside a quotation mark, by the rules of the `csv` crate.
+fn is_unclosed(rest: &str, separator: u8) -> bool {
+    #[derive(Clone, Copy, PartialEq)]
+    enum Place {
+        Begin,
+        Plain,
+        Quoted,
+        /// Behind a mark that closes the cell, or is the first of two.
+        Closed,
+    }
+    let last = rest.bytes().fold(Place::Begin, |place, byte| match (place, byte) {
+        (Place::Begin | Place::Closed, b'"') => Place::Quoted,
+        (Place::Quoted, b'"') => Place::Closed,
+        (Place::Quoted, _) => Place::Quoted,
+        (_, b) if b == separator || b == b'\n' || b == b'\r' => Place::Begin,
+        _ => Place::Plain,
+    });
+    last == Place::Quoted
 }
 
 #[cfg(test)]

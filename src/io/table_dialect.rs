@@ -58,7 +58,7 @@ pub(super) fn separator(body: &str) -> Separator {
         Some(k) => SIGNS[k],
         None if separated_by_blanks(body) => Separator::Blanks,
         // A name above a column of decimal commas.
-        None if counts[2].len() > 1 && counts[2][1..].iter().all(|&n| n <= 2) => Separator::Semicolon,
+        None if counts[2].contains(&2) && counts[2].iter().all(|&n| n <= 2) => Separator::Semicolon,
         None => Separator::Comma,
     }
 }

@@ -142,6 +142,8 @@ struct Tangential<S> {
     edges: [[[S; 2]; 3]; 2],
     /// `T_i (v_3 - ybar)`.
     offset: [[S; 2]; 3],
+    /// Length that the rounding of coordinates leaves open.
+    rounding: S,
 }
 
 /// How Newton's method on a triangle ended.
@@ -161,6 +163,9 @@ pub fn slack<S: Real>() -> S {
     if S::EPSILON > S::of(1e-10) { S::of(1e-4) } else { S::of(1e-9) }
 }
 
+/// Roundings of the largest coordinate that a point given to be projected may be off: one of its own and one of the vertices.
+const ROUNDING: f64 = 2.0;
+
 /// Steps after which Newton's method is given up; three or four are usual.
 pub const NEWTON_STEPS: usize = 12;
 
@@ -172,7 +177,9 @@ impl<S: Real, const D: usize> TangentTriangle<'_, S, D> {
         let d = sub(self.v[2], mean);
         let along = |t: &[Vector<S, D>; 2], x: &Vector<S, D>| [dot(&t[0], x), dot(&t[1], x)];
         let all = |x: &Vector<S, D>| [along(self.t[0], x), along(self.t[1], x), along(self.t[2], x)];
-        (Tangential { edges: [all(&e[0]), all(&e[1])], offset: all(&d) }, start(&e, &d))
+        let largest = mean.iter().fold(S::ZERO, |m, y| m.maximum(y.abs()));
+        let rounding = S::of(ROUNDING) * S::EPSILON * largest;
+        (Tangential { edges: [all(&e[0]), all(&e[1])], offset: all(&d), rounding }, start(&e, &d))
     }
 
     /// Phong projection of `mean` onto the triangle by Newton's method (eq. 7 and 8), from the projection onto the flat triangle.
@@ -203,11 +210,11 @@ impl<S: Real, const D: usize> TangentTriangle<'_, S, D> {
             let step = dx.abs().maximum(dy.abs());
             // Quadratic convergence, at the scale of the distance to the vertex: after a step h the next one is about h^2 / s.
             if step <= tolerance || (step <= S::of(1e-4) && step * step <= S::EPSILON * s.abs() && last < S::HUGE) {
-                return inside_or_not(x);
+                return inside_or_not(x, &p);
             }
             last = step;
         }
-        if last <= S::of(1e-3) { inside_or_not(x) } else { Root::Outside(x) }
+        if last <= S::of(1e-3) { inside_or_not(x, &p) } else { Root::Outside(x) }
     }
 
     /// The vertex nearest to `x`, if it is a root.
@@ -224,10 +231,10 @@ impl<S: Real, const D: usize> TangentTriangle<'_, S, D> {
             _ => p.offset[2],
         };
         // Edges as seen in the vertex's tangent plane give the scale; the slack is the one of edges.
-        let scale = size(e0).maximum(size(e1));
+        let most = (slack::<S>() * size(e0).maximum(size(e1))).maximum(p.rounding);
         let mut e = [S::ZERO; 3];
         e[i] = S::ONE;
-        (size(offset) <= slack::<S>() * scale).then_some(e)
+        (size(offset) <= most).then_some(e)
     }
 
     /// One Newton step `(dx1, dx2)`; `None` where the Jacobian is singular.
@@ -346,13 +353,22 @@ fn start<S: Real, const D: usize>([e, f]: &[Vector<S, D>; 2], d: &Vector<S, D>) 
     inside.map(|v| v * r)
 }
 
-/// Accepts coordinates within the slack, clamped to the triangle.
+/// Accepts coordinates that lie outside by no more than the slack, or than a length that rounding leaves open: on a triangle of a hundredth of an edge the slack is less than that, and where triangles fold over one
+/// another at a vertex, a rounded point beside them would belong to none. They are clamped to the triangle.
 #[inline(always)]
-fn inside_or_not<S: Real>(x: [S; 3]) -> Root<S> {
-    if !(x[0] >= -slack::<S>() && x[1] >= -slack::<S>() && x[2] >= -slack::<S>()) {
-        return Root::Outside(x);
+fn inside_or_not<S: Real>(x: [S; 3], p: &Tangential<S>) -> Root<S> {
+    let inside = x.map(|v| v.maximum(S::ZERO));
+    let r = S::ONE / (inside[0] + inside[1] + inside[2]);
+    let inside = inside.map(|v| v * r);
+    if x[0] >= -slack::<S>() && x[1] >= -slack::<S>() && x[2] >= -slack::<S>() {
+        return Root::Inside(inside);
     }
-    let x = x.map(|v| v.maximum(S::ZERO));
-    let sum = x[0] + x[1] + x[2];
-    Root::Inside(x.map(|v| v / sum))
+    // How far that moves the point, as seen in the planes of the three corners.
+    let (a, b) = (inside[0] - x[0], inside[1] - x[1]);
+    let moved = |i: usize| {
+        let d = [0, 1].map(|k| (a * p.edges[0][i][k] + b * p.edges[1][i][k]).abs());
+        d[0].maximum(d[1])
+    };
+    let moved = moved(0).maximum(moved(1)).maximum(moved(2));
+    if moved <= p.rounding { Root::Inside(inside) } else { Root::Outside(x) }
 }

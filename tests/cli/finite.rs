@@ -77,8 +77,8 @@ fn every_command_refuses_coordinates_that_overflow() {
         "remesh huge.obj --base s.obj --levels 1 -o o.obj",
         "morph huge.obj huge.obj --weights 0.5,0.5 -o o.obj",
         "unwrap huge.obj -o o.obj",
-        "map huge.obj t.obj --anchors a.json -o o.csv",
-        "map s.obj huge.obj --anchors a.json -o o.csv",
+        "map --source huge.obj --target t.obj --anchors a.json -o o.csv",
+        "map --source s.obj --target huge.obj --anchors a.json -o o.csv",
         "spline huge.obj --points b.json -o o.obj",
     ] {
         f.run(command).fails(1, &["huge.obj", "vertex 1 is at (1e300, 0.0, 0.0)", "Scale the model"]);
@@ -125,7 +125,11 @@ fn positions_beyond_a_hundred_sizes_are_errors_in_every_command() {
         let words: &[&str] =
             if sizes < 1e100 { &["101 times its diagonal", "Check its units"] } else { &["Check its units"] };
         for (command, file, entry) in [
-            ("map s.obj t.obj --anchors far.json -o o.csv --method rbf --backend cpu", "far.json", "anchor 0"),
+            (
+                "map --source s.obj --target t.obj --anchors far.json -o o.csv --method rbf --backend cpu",
+                "far.json",
+                "anchor 0",
+            ),
             ("check s.obj --anchors one.json", "one.json", "anchor 0"),
             ("render s.obj --anchors one.json --size 32 -o o.png", "one.json", "anchor 0"),
             ("spline s.obj --points points.json -o o.obj", "points.json", "anchor 3"),

@@ -344,3 +344,36 @@ fn hard_edges_stay_hard_in_a_model() {
     let reader = primitive.reader(|b| Some(&buffers[b.index()]));
     assert!(reader.read_normals().unwrap().all(|n| Vec3::from(n).abs().max_element() == 1.0));
 }
+
+#[test]
+fn a_set_of_texture_coordinates_is_chosen() {
+    let f = spheres();
+    // A second set, turned over from left to right.
+    let mut glb = Glb::parse(&f.bytes("t.glb"));
+    let plain = read_mesh(f.path("t.glb")).unwrap().mesh;
+    let (document, buffers, _) = ::gltf::import_slice(f.bytes("t.glb")).unwrap();
+    let primitive = document.meshes().next().unwrap().primitives().next().unwrap();
+    let first = primitive.reader(|b| Some(&buffers[b.index()])).read_tex_coords(0).unwrap().into_f32();
+    let mirrored: Vec<f32> = first.flat_map(|uv| [1.0 - uv[0], uv[1]]).collect();
+    let k = glb.floats(&mirrored, "VEC2", 2);
+    glb.json["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_1"] = k.into();
+    std::fs::write(f.path("t.glb"), glb.bytes()).unwrap();
+    let command = "transfer --source s.obj --texture s.png --target t.glb --anchors a.json --size 128 --margin 0";
+    f.run(&format!("{command} -o o.png")).succeeds();
+    f.run(&format!("{command} --uv-set 0,1 -o m.png --model m.glb")).succeeds();
+    let (own, other) = (f.image("o.png"), f.image("m.png"));
+    let difference = |turn: bool| {
+        let at = |x: u32| if turn { 127 - x } else { x };
+        let sum: f64 = (0..128 * 128)
+            .map(|i| f64::from((own.get(i % 128, i / 128, 1) - other.get(at(i % 128), i / 128, 1)).abs()))
+            .sum();
+        sum / f64::from(128 * 128)
+    };
+    assert!(difference(true) < 0.01 && difference(false) > 0.05, "{} {}", difference(true), difference(false));
+    let model = Glb::parse(&f.bytes("m.glb")).json;
+    assert_eq!(model["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["texCoord"], 1);
+    let back = read_mesh(f.path("m.glb")).unwrap().mesh;
+    assert_eq!(back.positions, plain.positions);
+    f.run(&format!("{command} --uv-set 1,0 -o x.png")).fails(1, &["s.obj", "set 1", "--uv-set"]);
+    f.run(&format!("{command} --uv-set 0,3 -o x.png")).fails(1, &["t.glb", "TEXCOORD_3"]);
+}

@@ -36,7 +36,7 @@ fn points_keep_their_dialect_and_their_other_columns() {
         ("y\tx\n10\t10.5\n2\t1\n", '\t', "y\tx\tstatus\n15.0\t20.5\tok\n7.0\t11.0\tok\n"),
         ("sep=;\r\nx;y\r\n10,5;10\r\n", ';', "sep=;\nx;y;status\n20,5;15,0;ok\n"),
         ("x,y\r10.5,10\r1,2\r", ',', "x,y,status\n20.5,15.0,ok\n11.0,7.0,ok\n"),
-        ("# x y\n10.5 10\n1 2\n", ',', "# x,y,status\n20.5,15.0,ok\n11.0,7.0,ok\n"),
+        ("# x y\n10.5 10\n1 2\n", ',', "x,y,status\n20.5,15.0,ok\n11.0,7.0,ok\n"),
     ] {
         f.write("p.csv", given);
         let ran = f.run(&format!("{WARP} p.csv -o out.csv")).succeeds();

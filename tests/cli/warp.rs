@@ -382,6 +382,39 @@ fn numbers(value: &Value, out: &mut Vec<f64>) {
 }
 
 #[test]
+fn a_continuous_partition_moves_points_with_the_cage() {
+    let f = Folder::empty();
+    let mut points = "x,y\n".to_owned();
+    for k in 0..100 {
+        points += &format!("{},{}\n", 0.05 + 0.1 * f64::from(k / 10), 0.05 + 0.1 * f64::from(k % 10));
+    }
+    f.write("p.csv", &points);
+    let images = |s: f64, partition: &str| -> Vec<[f64; 2]> {
+        f.write("c.json", &corner(1.0, 1.0 - s).to_string());
+        f.run(&format!("{POINTS} --partition {partition} --strict -o o.csv --report r.json")).succeeds();
+        assert_eq!(f.json("r.json")["bijective"], "sampled");
+        let text = f.read("o.csv");
+        let number = |cell: &str| cell.parse::<f64>().unwrap();
+        let row =
+            |line: &str| line.split_once(',').map(|(x, rest)| [number(x), number(rest.split(',').next().unwrap())]);
+        text.lines().skip(1).map(|line| row(line).unwrap()).collect()
+    };
+    let moved = |from: f64, to: f64, partition: &str| {
+        let (a, b) = (images(from, partition), images(to, partition));
+        assert_eq!((a.len(), b.len()), (100, 100));
+        a.iter().zip(&b).map(|(p, q)| f64::hypot(p[0] - q[0], p[1] - q[1])).fold(0.0, f64::max)
+    };
+    // The corner goes the square root of two times as far as s.
+    for (from, to) in [(0.965, 0.966), (0.9656, 0.9657), (0.9657, 0.9658), (0.952, 0.953), (0.546, 0.547)] {
+        let most = 6.0 * (to - from) * 2f64.sqrt();
+        let found = moved(from, to, "continuous");
+        assert!(found <= most, "{from}: {found} of {most}");
+    }
+    // In a binary partition a step appears where one folds: at 0.5469 (Fig. 9 of the paper) for the straight path.
+    assert!(moved(0.54, 0.55, "binary --path linear") > moved(0.54, 0.55, "continuous --path linear"));
+}
+
+#[test]
 #[ignore = "needs BARYMAP_DATA"]
 fn photographs_and_given_cages() {
     let f = Folder::empty();

@@ -63,15 +63,20 @@ impl Body {
 }
 
 /// How far the projection of a point of the surface may be off where it was found in triangle `face`: a root outside it by the slack is moved onto its border, which takes it no farther than twice that
-/// part of its longest edge; and coordinates of size `m` are rounded in the surface, the point and the sum over D of them.
-fn tolerance<S: Real>(surface: &PhongSurface<f64, 8>, face: u32) -> f64 {
+/// part of its longest edge; and coordinates, the largest `largest`, are rounded in the surface, the point and the sum over D of them.
+fn tolerance<S: Real>(surface: &PhongSurface<f64, 8>, largest: f64, face: u32) -> f64 {
     let v = surface.triangles[face as usize].v.map(|v| surface.vertices[v as usize].y);
     let longest = [0, 1, 2].map(|k| distance_squared(&v[k], &v[(k + 1) % 3]).sqrt()).into_iter().fold(0.0, f64::max);
-    let largest = surface.vertices.iter().flat_map(|v| v.y).fold(0.0, |m: f64, x| m.max(x.abs()));
     2.0 * slack::<S>().to_f64() * longest + 2.0 * 8f64.sqrt() * S::EPSILON.to_f64() * largest
 }
 
-/// Where a search starts: at the triangle itself, at the one across an edge, at the nearest vertex of all.
+/// The largest coordinate of a surface.
+fn largest(surface: &PhongSurface<f64, 8>) -> f64 {
+    surface.vertices.iter().flat_map(|v| v.y).fold(0.0, |m: f64, x| m.max(x.abs()))
+}
+
+/// Where a search starts: at the triangle itself, at the one across an edge, at the nearest vertex of all. Where a surface is crumpled, another part of it comes nearer to a point than the corners of its
+/// triangle, and a search that begins there may stay there: then only the first is sure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Start {
     Itself,
@@ -84,6 +89,7 @@ fn missed<S: Real>(body: &Body, n: usize, from: &[Start]) -> Vec<String> {
     let surface = body.surface();
     let rounded: PhongSurface<S, 8> = surface.cast();
     let nearest = NearestVertex::new(&surface);
+    let largest = largest(&surface);
     let mut random = Random::new(17);
     let mut missed = Vec::new();
     for distance in DISTANCES {
@@ -102,7 +108,7 @@ fn missed<S: Real>(body: &Body, n: usize, from: &[Start]) -> Vec<String> {
                 };
                 let there = surface.triangle(found.face).point(&found.x.map(|x| x.to_f64()));
                 let off = distance_squared(&there, &y).sqrt();
-                if !(off <= tolerance::<S>(&surface, found.face)) {
+                if !(off <= tolerance::<S>(&surface, largest, found.face)) {
                     missed.push(format!("{distance:.0e}, {from:?}: {p:?} goes to {found:?}, {off:.1e} away"));
                 }
             }
@@ -114,6 +120,7 @@ fn missed<S: Real>(body: &Body, n: usize, from: &[Start]) -> Vec<String> {
 /// The averages of single anchors: their own places.
 fn averages(body: &Body, n: usize) -> Vec<String> {
     let surface = body.surface();
+    let largest = largest(&surface);
     let mut random = Random::new(19);
     let mut missed = Vec::new();
     for distance in DISTANCES {
@@ -123,7 +130,7 @@ fn averages(body: &Body, n: usize) -> Vec<String> {
         let rows: Vec<Vec<f64>> = (0..points.len()).map(row).collect();
         for (p, q) in points.iter().zip(solver.averages(&rows).unwrap()) {
             let off = distance_squared(&surface.embed(p), &surface.embed(&q.point)).sqrt();
-            if !q.found || !(off <= tolerance::<f64>(&surface, q.point.face)) {
+            if !q.found || !(off <= tolerance::<f64>(&surface, largest, q.point.face)) {
                 missed.push(format!("{distance:.0e}: {p:?} goes to {q:?}, {off:.1e} away"));
             }
         }
@@ -146,7 +153,7 @@ fn points_next_to_vertices_and_edges_are_their_own_projections() {
 #[test]
 #[ignore = "needs BARYMAP_DATA"]
 fn points_of_real_meshes_are_their_own_projections() {
-    use Start::{Beside, Itself};
+    use Start::Itself;
     for file in [
         "textured/human_male/human_male.obj",
         "mesh/horse_8k.obj",
@@ -155,8 +162,8 @@ fn points_of_real_meshes_are_their_own_projections() {
         "mesh/alligator_6k.obj",
     ] {
         let body = Body::new(load(file), 1000);
-        assert_eq!(missed::<f64>(&body, 100, &[Itself, Beside]), Vec::<String>::new(), "{file}");
-        assert_eq!(missed::<f32>(&body, 100, &[Itself, Beside]), Vec::<String>::new(), "{file}");
+        assert_eq!(missed::<f64>(&body, 100, &[Itself]), Vec::<String>::new(), "{file}");
+        assert_eq!(missed::<f32>(&body, 100, &[Itself]), Vec::<String>::new(), "{file}");
         assert_eq!(averages(&body, 100), Vec::<String>::new(), "{file}");
     }
 }
@@ -177,6 +184,7 @@ fn anchors_return(source: &Body, target: &Body, faces: &[u32]) {
         let anchors = AnchorPairs { source: points.clone(), target: points.clone() };
         let packed: Vec<PackedPoint> = points.iter().map(|&p| p.into()).collect();
         let surface = source.surface();
+        let largest = largest(&surface);
         for method in [Method::Averages, Method::Transport, Method::Field] {
             for precision in [Precision::Double, Precision::Single] {
                 let options = CorrespondenceOptions { method, precision, ..CorrespondenceOptions::default() };
@@ -187,7 +195,7 @@ fn anchors_return(source: &Body, target: &Body, faces: &[u32]) {
                     let q = image.point().unwrap();
                     let off = distance_squared(&surface.embed(p), &surface.embed(&q)).sqrt();
                     // Points are packed in single precision; the relaxation of a field gives way by 1e-4 of an edge.
-                    let most = 2e-4 + tolerance::<f32>(&surface, q.face);
+                    let most = 2e-4 + tolerance::<f32>(&surface, largest, q.face);
                     assert!(
                         off <= most,
                         "{method:?} {precision:?} {distance:.0e}: {p:?} goes to {image:?}, {off:.1e} away"

@@ -6,8 +6,9 @@ use std::time::Instant;
 use barymap::Result;
 use barymap::encoding::{Quality, SequenceQuality};
 use barymap::geometry::Mesh;
+use barymap::io::gltf_animation::animated_glb_bytes;
 use barymap::io::gltf_write::own_materials;
-use barymap::io::{GlbAnimation, MorphForm, Motion, read_markers, read_motion, write_animated_glb};
+use barymap::io::{GlbAnimation, MorphForm, Motion, read_markers, read_motion};
 use barymap::tools::animate::frames::{FrameFolder, FrameFormat, contact_sheet};
 use barymap::tools::animate::{
     AnimateOptions, Binding, FrameQuality, GapOptions, Interpolation, Reference, animate, fullest_frame, guess,
@@ -20,6 +21,7 @@ use serde_json::json;
 
 use crate::common::{Common, Session, Surface, check_outputs, usage};
 use crate::demo::from_rgba;
+use crate::model_file::write_glb;
 
 /// Frames per second that are written unless others are asked for.
 const RATE: f64 = 30.0;
@@ -213,7 +215,8 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
             };
             let name = arguments.motion.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             let animation = GlbAnimation { name: &name, times: &times, frames: &frames, placements: &placements, form };
-            let glb = write_animated_glb(&arguments.output, mesh, &own_materials(mesh)?, &animation)?;
+            let (bytes, glb) = animated_glb_bytes(mesh, &own_materials(mesh)?, &animation)?;
+            write_glb(&session, mesh, &bytes, &arguments.output)?;
             document["targets"] = json!(glb.targets);
             document["largest_error"] = json!(glb.largest_error);
             document["bytes"] = json!(glb.bytes);
@@ -227,7 +230,10 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         }
     };
     if let Some(sheet) = &arguments.sheet {
-        session.warn_of_up(mesh);
+        // A GLB has told it.
+        if !glb {
+            session.warn_of_up(mesh);
+        }
         picture(mesh, &pictured, arguments, sheet, &session)?;
     }
     session.watch.lap("write");

@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use barymap::geometry::Mesh;
-use barymap::io::gltf_write::own_materials;
+use barymap::io::gltf_upright::turned_upright;
+use barymap::io::gltf_write::{glb_bytes, own_materials};
 use barymap::io::{GltfScene, KeepTextures, SceneEdit};
 use barymap::{Result, io};
 
@@ -54,7 +55,7 @@ pub(crate) fn write_posed(
     match (format, scene) {
         (ModelFormat::Obj, _) => io::write_obj(mesh, path),
         (ModelFormat::Ply, _) => io::write_ply(mesh, None, path),
-        (ModelFormat::Glb, None) => io::write_glb(path, mesh, &own_materials(mesh)?),
+        (ModelFormat::Glb, None) => write_glb(session, mesh, &glb_bytes(mesh, &own_materials(mesh)?)?, path),
         (ModelFormat::Glb, Some(scene)) => {
             let mut edit = scene.edit();
             edit.shape(mesh)?;
@@ -77,16 +78,22 @@ pub(crate) fn write_unwrapped(
             edit.texcoords(mesh, KeepTextures::No)?;
             io::output::write_bytes(path, &finish(session, edit, path)?)
         }
-        (ModelFormat::Glb, None) => io::write_glb(path, mesh, &[]),
+        (ModelFormat::Glb, None) => write_glb(session, mesh, &glb_bytes(mesh, &[])?, path),
         _ => io::write_obj(mesh, path),
     }
 }
 
-/// The bytes of a changed scene; what the user should know of it is told.
+/// Writes the bytes of a GLB of `mesh`, turned to y up.
+pub(crate) fn write_glb(session: &Session<'_>, mesh: &Mesh, bytes: &[u8], path: &Path) -> Result<()> {
+    session.warn_of_up(mesh);
+    io::output::write_bytes(path, &turned_upright(bytes, session.up())?)
+}
+
+/// The bytes of a changed scene, turned to y up; what the user should know of it is told.
 pub(crate) fn finish(session: &Session<'_>, edit: SceneEdit<'_>, path: &Path) -> Result<Vec<u8>> {
     let (bytes, notes) = edit.finish()?;
     for note in &notes {
         session.warn(&format!("{}: {note}", path.display()));
     }
-    Ok(bytes)
+    Ok(turned_upright(&bytes, session.up())?.into_owned())
 }

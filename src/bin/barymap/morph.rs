@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use barymap::encoding::{DecodeReport, HierarchyOptions};
 use barymap::geometry::Mesh;
 use barymap::geometry::weld::weld_alike;
-use barymap::io::gltf_write::own_materials;
-use barymap::io::{GlbAnimation, MorphForm, read_mask, read_vertex_list, write_animated_glb, write_glb};
+use barymap::io::gltf_animation::animated_glb_bytes;
+use barymap::io::gltf_write::{glb_bytes, own_materials};
+use barymap::io::{GlbAnimation, MorphForm, read_mask, read_vertex_list};
 use barymap::surface::AnchorPairs;
 use barymap::tools::animate::frames::{FrameFolder, FrameFormat};
 use barymap::tools::morph::{
@@ -19,6 +20,7 @@ use serde_json::{Value, json};
 
 use crate::common::{Common, EmbeddingArguments, Session, Surface, anchor_pairs, check_outputs, usage};
 use crate::method::{MethodArguments, prepare};
+use crate::model_file::write_glb;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -182,7 +184,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         Target::File(_) => "one blend".to_owned(),
         Target::Folder(folder) => format!("{} files", folder.finish()?),
         Target::Glb(frames) => {
-            let what = write_frames(&arguments.output, mesh, frames, arguments.seconds)?;
+            let what = write_frames(&session, &arguments.output, mesh, frames, arguments.seconds)?;
             report["bytes"] = json!(std::fs::metadata(&arguments.output).map_or(0, |m| m.len()));
             what
         }
@@ -209,11 +211,17 @@ fn write_mesh(mesh: &Mesh, path: &Path) -> Result<()> {
 }
 
 /// The first frame as the mesh, the others as morph targets.
-fn write_frames(path: &Path, mut mesh: Mesh, mut frames: Vec<Vec<DVec3>>, seconds: f64) -> Result<String> {
+fn write_frames(
+    session: &Session<'_>,
+    path: &Path,
+    mut mesh: Mesh,
+    mut frames: Vec<Vec<DVec3>>,
+    seconds: f64,
+) -> Result<String> {
     let materials = own_materials(&mesh)?;
     if frames.len() == 1 {
         mesh.positions = frames.pop().unwrap_or_default();
-        write_glb(path, &mesh, &materials)?;
+        write_glb(session, &mesh, &glb_bytes(&mesh, &materials)?, path)?;
         return Ok("one blend".into());
     }
     let last = (frames.len() - 1) as f64;
@@ -221,7 +229,8 @@ fn write_frames(path: &Path, mut mesh: Mesh, mut frames: Vec<Vec<DVec3>>, second
     let frames: Vec<Vec<glam::Vec3>> = frames.iter().map(|f| f.iter().map(|p| p.as_vec3()).collect()).collect();
     let animation =
         GlbAnimation { name: "morph", times: &times, frames: &frames, placements: &[], form: MorphForm::Auto };
-    let done = write_animated_glb(path, &mesh, &materials, &animation)?;
+    let (bytes, done) = animated_glb_bytes(&mesh, &materials, &animation)?;
+    write_glb(session, &mesh, &bytes, path)?;
     Ok(format!("{} frames, {} morph targets, {:.1} MB", frames.len(), done.targets, done.bytes as f64 / 1e6))
 }
 

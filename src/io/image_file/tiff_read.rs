@@ -16,6 +16,7 @@ const BITS: u16 = 258;
 const COMPRESSION: u16 = 259;
 const PHOTOMETRIC: u16 = 262;
 const FILL_ORDER: u16 = 266;
+const DESCRIPTION: u16 = 270;
 const ORIENTATION: u16 = 274;
 const SAMPLES: u16 = 277;
 const PREDICTOR: u16 = 317;
@@ -196,8 +197,10 @@ fn interleaved(planar: DecodingResult, planes: usize, stride: usize) -> Result<D
 fn metadata(block: &Block<'_>, first: u64, fields: &Fields) -> Metadata {
     let data =
         |tag: u16| fields.list.iter().find(|f| f.tag == tag).map(|f| block.bytes[f.at..f.at + f.length].to_vec());
+    // Some programs describe the numbers of their stack here, which other readers then miss.
+    let stack = data(DESCRIPTION).is_some_and(|d| d.starts_with(b"{\"shape\":") || d.starts_with(b"ImageJ="));
     let photoshop = fields.list.iter().any(|f| PHOTOSHOP.contains(&f.tag));
-    let tree: Directory = block.tree(first, &|tag| !is_structure(tag));
+    let tree: Directory = block.tree(first, &|tag| !is_structure(tag) && !(stack && tag == DESCRIPTION));
     Metadata {
         icc: data(PROFILE),
         exif: (!tree.is_empty()).then(|| tree.to_block()),

@@ -215,7 +215,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     if cloud {
         // Points have no orientation, and no surface that could be stretched.
         for key in ["flipped_area", "flipped_faces", "stretch_all", "stretch_best95"] {
-            report[key] = serde_json::Value::Null;
+            report.as_object_mut().and_then(|r| r.remove(key));
         }
     }
     add(&mut report, &charts);

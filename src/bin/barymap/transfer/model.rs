@@ -8,6 +8,7 @@ use barymap::Result;
 use barymap::geometry::material::{AlphaMode, BASE_COLOR, Look};
 use barymap::geometry::{Material, Mesh, NONE};
 use barymap::io::GlbMaterial;
+use barymap::io::gltf_upright::turned_upright;
 use barymap::io::gltf_write::glb_with_materials;
 use barymap::io::image_file::encode_png;
 use barymap::raster::Image;
@@ -162,7 +163,10 @@ pub(super) fn glb(
             edit.materials(target, &materials, &of)?;
             finish(session, edit, path)
         }
-        None => glb_with_materials(target, &materials, &of),
+        None => {
+            session.warn_of_up(target);
+            Ok(turned_upright(&glb_with_materials(target, &materials, &of)?, session.up())?.into_owned())
+        }
     }
 }
 

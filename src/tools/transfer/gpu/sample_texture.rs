@@ -48,11 +48,13 @@ const LAYOUTS: &[Layout] =
     &[layout!(TextureParams, { width, height, levels, channels, filtering, taps, opacity, scale, wrap_u, wrap_v })];
 
 /// Pictures of numbers.
-pub(super) static SAMPLE_TEXTURE: Kernel = variant(&[("WORDS", 0.0)]);
-/// Pictures of sRGB numbers, averaged as light.
-static SAMPLE_TEXTURE_LIGHT: Kernel = variant(&[("WORDS", 1.0)]);
-/// Pictures of floats.
-static SAMPLE_TEXTURE_FLOAT: Kernel = variant(&[("WORDS", 2.0)]);
+pub(super) static SAMPLE_TEXTURE: Kernel = variant(&[("WORDS", 0.0), ("MODES", 0.0)]);
+/// Pictures of numbers, of sRGB numbers averaged as light, and of floats; repeating, and with any mode.
+static VARIANTS: [[Kernel; 2]; 3] = [
+    [variant(&[("WORDS", 0.0), ("MODES", 0.0)]), variant(&[("WORDS", 0.0), ("MODES", 1.0)])],
+    [variant(&[("WORDS", 1.0), ("MODES", 0.0)]), variant(&[("WORDS", 1.0), ("MODES", 1.0)])],
+    [variant(&[("WORDS", 2.0), ("MODES", 0.0)]), variant(&[("WORDS", 2.0), ("MODES", 1.0)])],
+];
 
 const fn variant(constants: &'static [(&'static str, f64)]) -> Kernel {
     Kernel {
@@ -179,11 +181,12 @@ impl<'a> Sampler<'a> {
         let (channels, stored) = (image.channels as usize, stored_channels(image.channels) as usize);
         let has_alpha = image.has_alpha();
         let linear = chain.encoding.linear_light;
-        let (kernel, scale, light) = match image.depth() {
-            Depth::U8 => (if linear { &SAMPLE_TEXTURE_LIGHT } else { &SAMPLE_TEXTURE }, 1.0 / 255.0, 256),
-            Depth::U16 => (if linear { &SAMPLE_TEXTURE_LIGHT } else { &SAMPLE_TEXTURE }, 1.0 / 65535.0, 65536),
-            Depth::F32 => (&SAMPLE_TEXTURE_FLOAT, 1.0, 0),
+        let (words, scale, light) = match image.depth() {
+            Depth::U8 => (usize::from(linear), 1.0 / 255.0, 256),
+            Depth::U16 => (usize::from(linear), 1.0 / 65535.0, 65536),
+            Depth::F32 => (2, 1.0, 0),
         };
+        let kernel = &VARIANTS[words][usize::from(chain.wrap != [Wrap::Repeat; 2])];
         let light: Vec<[f32; 4]> =
             light_values(if linear { light } else { 0 }).chunks_exact(4).map(|v| [v[0], v[1], v[2], v[3]]).collect();
         let params = TextureParams {
