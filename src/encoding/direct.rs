@@ -45,6 +45,9 @@ pub(crate) struct DirectSolver {
 }
 
 const OWN: u32 = u32::MAX;
+/// Least damping of a bordered matrix. Without its long rows the matrix may be singular, and is factorised without pivots: the damping bounds their growth by
+/// its inverse, so that ten digits are left. It bends a step by a millionth; the minimum stays where it is.
+const LEAST_DAMPING: f64 = 1e-6;
 /// In the place of a slot: the unknowns of a row that borders the matrix.
 const BORDER: u32 = u32::MAX - 1;
 
@@ -193,6 +196,7 @@ impl DirectSolver {
 
     /// Factorises H + damping diag H; `false` if it is not numerically positive definite.
     pub(crate) fn factor(&mut self, blocks: &[[f64; 9]], springs: &[Stretch], damping: f64) -> bool {
+        let damping = if self.border > 0 { damping.max(LEAST_DAMPING) } else { damping };
         self.assemble(blocks, springs, damping);
         for (v, &block) in self.diagonal.iter().enumerate() {
             for c in 0..3 {
@@ -335,7 +339,7 @@ mod tests {
         let springs: Vec<Stretch> =
             (0..slots).map(|s| Stretch { direction: [0, 1, 2].map(|k| 0.3 * wave(s, k + 5)), value: 0.1 }).collect();
         for held in [0, 1, 4] {
-            for (springs, damping) in [(&[][..], 1e-3), (&springs[..], 0.0), (&springs[..], 0.5)] {
+            for (springs, damping) in [(&[][..], 1e-3), (&springs[..], LEAST_DAMPING), (&springs[..], 0.5)] {
                 let right: Vec<V3<f64>> = (held..31).map(|i| [wave(i, 1), wave(i, 2), wave(i, 9)]).collect();
                 let solve = |longest: usize| {
                     let mut solver = DirectSolver::with_rows_to(longest, &stencils, held).unwrap();
@@ -351,7 +355,11 @@ mod tests {
                     assert_eq!(border, expected);
                     let off =
                         x.iter().flatten().zip(plain.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-                    assert!(off < 1e-9 * size, "{held} held, rows to {longest}: {off:e} of {size}");
+                    // Rounding times the largest growth of pivots, and some.
+                    assert!(
+                        off < 1e-16 / LEAST_DAMPING * 100.0 * size,
+                        "{held} held, rows to {longest}: {off:e} of {size}"
+                    );
                 }
             }
         }

@@ -301,7 +301,9 @@ fn warnings(mesh: &Mesh, topology: &Topology, parts: &[parts::Part]) -> Vec<Stri
         }
         out.push(text + ".");
     }
-    let unused = topology.vertex_component.iter().filter(|&&c| c == crate::geometry::NONE).count();
+    // A vertex that the file repeats is embedded where the one is that stands for it.
+    let is_unused = |v: &u32| topology.vertex_component[mesh.representative(*v) as usize] == crate::geometry::NONE;
+    let unused = (0..mesh.vertex_count() as u32).filter(is_unused).count();
     if unused > 0 {
         out.push(format!("mesh {}: {unused} vertices are in no usable triangle and have no embedding.", mesh.name));
     }
