@@ -159,9 +159,10 @@ fn nothing_is_lost_without_a_word() {
     let bytes = waves(8).converted(1, Depth::U8).unwrap();
     barymap::io::write_image(&bytes.converted(1, Depth::U16).unwrap(), f.path("g.png")).unwrap();
     assert!(!warp("g.png", "g.jpg").contains("rounded"), "8-bit values in 16 bits are exact");
+    // One of these is a multiple of 257, which 8 bits hold.
     let deep = Image::new(8, 8, 1, Pixels::U16((0..64).map(|k| 1000 + k).collect())).unwrap();
     barymap::io::write_image(&deep, f.path("d.png")).unwrap();
-    assert!(warp("d.png", "d.webp").contains("64 pixels are rounded"));
+    assert!(warp("d.png", "d.webp").contains("63 pixels are rounded"));
     write_picture(&waves(8), &photo(), f.path("p.png")).unwrap();
     let said = warp("p.png", "p.exr");
     assert!(["colour profile", "EXIF", "resolution"].iter().all(|w| said.contains(w)), "{said}");
@@ -220,7 +221,8 @@ fn layers_and_single_channels_of_openexr_files() {
     let depth = transfer(&f, "--texture l.exr:V.Depth --kind displacement", "d.exr");
     layered(&f, "y.exr", &[("Y", 0)], &image);
     let grey = transfer(&f, "--texture y.exr --kind displacement", "y2.exr");
-    assert!(grey.channels == 1 && grey == depth);
+    // Grey, and what is covered.
+    assert!(grey.channels == 2 && grey == depth, "{} and {} channels", grey.channels, depth.channels);
     // The same numbers as grey floats of a TIFF file.
     let mut floats = Image::zeros(128, 128, 1, Depth::F32).unwrap();
     (0..128 * 128).for_each(|k| floats.set(k % 128, k / 128, 0, image.get(k % 128, k / 128, 0)));

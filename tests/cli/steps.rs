@@ -152,7 +152,7 @@ fn render_draws_the_mesh() {
     assert!(picture.get(0, 0, 0) > 0.99 && picture.get(45, 30, 0) + picture.get(45, 30, 1) < 1.98, "a shape on white");
     f.run("render s.obj --size 40 --wireframe -o q.png").succeeds();
     f.run("render s.obj --size 0 -o none.png").fails(2, &["width"]);
-    f.run("render s.obj -o none.bmp").fails(2, &["none.bmp"]);
+    f.run("render s.obj -o none.psd").fails(2, &["none.psd"]);
     assert_eq!(f.run("render s.obj --view up -o none.png").code, Some(2));
     assert_eq!(f.run("render s.obj --view NaN,0 -o none.png").code, Some(2));
     assert!(!f.path("none.png").exists());

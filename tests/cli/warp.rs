@@ -312,7 +312,7 @@ fn options_out_of_range() {
         ("--canvas 0x5", ["--canvas", "width"]),
         ("--canvas 5000000x5", ["--canvas", "width"]),
         ("--filter nearest", ["nearest", "ewa"]),
-        ("-o o.bmp", ["o.bmp", "png"]),
+        ("-o o.psd", ["o.psd", "png"]),
         ("--heatmap h.gif", ["h.gif", "png"]),
     ] {
         let ran = f.run(&format!(
