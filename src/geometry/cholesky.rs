@@ -86,7 +86,7 @@ impl SparsePattern {
             }
         };
         let symbolic = Arc::clone(&self.factor);
-        Ok(done.then(|| SparseCholesky { symbolic, values: factor, border: self.border, what: self.what }))
+        Ok(done.then_some(SparseCholesky { symbolic, values: factor, border: self.border, what: self.what }))
     }
 }
 

@@ -200,7 +200,7 @@ fn metadata(block: &Block<'_>, first: u64, fields: &Fields) -> Metadata {
     // Some programs describe the numbers of their stack here, which other readers then miss.
     let stack = data(DESCRIPTION).is_some_and(|d| d.starts_with(b"{\"shape\":") || d.starts_with(b"ImageJ="));
     let photoshop = fields.list.iter().any(|f| PHOTOSHOP.contains(&f.tag));
-    let tree: Directory = block.tree(first, &|tag| !is_structure(tag) && !(stack && tag == DESCRIPTION));
+    let tree: Directory = block.tree(first, &|tag| !(is_structure(tag) || stack && tag == DESCRIPTION));
     Metadata {
         icc: data(PROFILE),
         exif: (!tree.is_empty()).then(|| tree.to_block()),
