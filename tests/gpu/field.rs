@@ -97,7 +97,7 @@ fn back_ends_agree(engine: &Engine, scene: &Scene) {
 fn fields_made_on_any_back_end_agree_at_every_vertex() {
     for engine in [engine(), downlevel()].into_iter().flatten() {
         for anchors in [27, 93] {
-            back_ends_agree(&engine, &Scene::new(anchors, 1.0));
+            back_ends_agree(engine, &Scene::new(anchors, 1.0));
         }
     }
 }
@@ -111,7 +111,7 @@ fn fields_made_on_any_back_end_agree_at_every_vertex_of_real_pairs() {
         ("gt/fox_same/fox_run.obj", "gt/fox_same/fox_rest.obj"),
         ("textured/human_female/human_female.obj", "textured/human_male/human_male.obj"),
     ] {
-        back_ends_agree(&engine, &Scene::pair(source, target, 27));
+        back_ends_agree(engine, &Scene::pair(source, target, 27));
     }
 }
 
