@@ -97,6 +97,10 @@ fn parts_without_an_anchor_are_named() {
     };
     for method in ["transport", "averages", "rbf", "closest"] {
         let ran = run(method).succeeds();
-        assert!(ran.stderr.contains("component") && ran.stderr.contains("without an anchor"), "{method}: {}", ran.stderr);
+        assert!(
+            ran.stderr.contains("component") && ran.stderr.contains("without an anchor"),
+            "{method}: {}",
+            ran.stderr
+        );
     }
 }

@@ -183,14 +183,33 @@ fn run_all(form: &Form, size: f64) -> Made {
         ],
         others: vec![
             ("weights", f.bytes("w.npy")),
-            ("transfer", f.bytes("o.png")),
-            ("coverage", f.bytes("cover.png")),
-            ("render with a texture", f.bytes("v.png")),
-            ("render", f.bytes("g.png")),
+            ("picture: transfer", levels(&f, "o.png")),
+            ("picture: coverage", levels(&f, "cover.png")),
+            ("picture: render with a texture", levels(&f, "v.png")),
+            ("picture: render", levels(&f, "g.png")),
             ("unwrap", charts),
             ("anchors", proposed),
         ],
     }
+}
+
+/// The samples of a picture, as 8 bits.
+fn levels(f: &Folder, name: &str) -> Vec<u8> {
+    let image = f.image(name);
+    let rows = (0..image.height).flat_map(|y| (0..image.width).map(move |x| (x, y)));
+    rows.flat_map(|(x, y)| (0..u32::from(image.channels)).map(move |c| (x, y, c)))
+        .map(|(x, y, c)| (255.0 * image.get(x, y, c)).round() as u8)
+        .collect()
+}
+
+/// Pictures are the same up to a level, where a rounding decides, but for one sample in a thousand, where an edge of a
+/// triangle passes through the centre of a pixel; all else is equal.
+fn same(what: &str, made: &[u8], wanted: &[u8]) -> bool {
+    if !what.starts_with("picture") {
+        return made == wanted;
+    }
+    let off = made.iter().zip(wanted).filter(|(a, b)| a.abs_diff(**b) > 1).count();
+    made.len() == wanted.len() && 1000 * off <= made.len()
 }
 
 /// All forms of `mesh` give the same in every command.
@@ -208,13 +227,23 @@ fn assert_forms_agree(mesh: &Mesh) {
                 let skip = if what.starts_with("map") { 4 } else { 0 };
                 rows.iter().map(|r| r.get(skip..).unwrap_or_default().to_vec()).collect()
             };
-            let scale = if *what == "attributes" { 97.0 } else { size };
+            // Maps are in single precision here, and a vertex may be a corner of another face: some tens of roundings.
+            let scale = match *what {
+                "attributes" => 10.0 * 97.0,
+                _ if what.starts_with("map") => 10.0 * size,
+                _ => size,
+            };
             if let Some(first) = unlike(&form, &trim(rows), &trim(wanted), scale) {
                 panic!("{} of {}, {what}: {first}", form.name, mesh.name);
             }
         }
         for ((what, bytes), (_, wanted)) in made.others.iter().zip(&truth.others) {
-            assert!(bytes == wanted, "{} of {}: {what} is not what the welded form gives", form.name, mesh.name);
+            assert!(
+                same(what, bytes, wanted),
+                "{} of {}: {what} is not what the welded form gives",
+                form.name,
+                mesh.name
+            );
         }
     }
 }
@@ -253,6 +282,11 @@ fn the_comparison_notices_a_moved_row_and_a_missing_one() {
     moved[17][1] = f64::NAN;
     assert!(unlike(&faces, &moved, &truth, 1.0).is_some());
     assert!(unlike(&faces, &rows[1..].to_vec(), &truth, 1.0).is_some());
+    let picture = vec![100; 2000];
+    let with = |off: usize, by: u8| (0..2000).map(|i| if i < off { 100 + by } else { 100 }).collect::<Vec<u8>>();
+    assert!(same("picture", &with(2000, 1), &picture) && same("picture", &with(2, 9), &picture));
+    assert!(!same("picture", &with(3, 2), &picture) && !same("charts", &with(1, 1), &picture));
+    assert!(!same("picture", &picture[1..], &picture));
 }
 
 #[test]
@@ -286,7 +320,8 @@ fn a_flat_shaded_sphere_is_mapped_and_apart_it_does_not_panic() {
         "{}",
         ran.stderr
     );
-    f.run("render faces.obj -o r.png --weld much").fails(2, &["--weld"]);
+    let ran = f.run("render faces.obj -o r.png --weld much");
+    assert!(ran.code == Some(2) && ran.stderr.contains("--weld"), "{}", ran.stderr);
     f.run("render faces.obj -o r.png --weld 100").fails(2, &["--weld", "mean edge"]);
 }
 
