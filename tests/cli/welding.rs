@@ -197,7 +197,7 @@ fn run_all(form: &Form, size: f64) -> Made {
 fn levels(f: &Folder, name: &str) -> Vec<u8> {
     let image = f.image(name);
     let rows = (0..image.height).flat_map(|y| (0..image.width).map(move |x| (x, y)));
-    rows.flat_map(|(x, y)| (0..u32::from(image.channels)).map(move |c| (x, y, c)))
+    rows.flat_map(|(x, y)| (0..image.channels).map(move |c| (x, y, c)))
         .map(|(x, y, c)| (255.0 * image.get(x, y, c)).round() as u8)
         .collect()
 }
