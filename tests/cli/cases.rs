@@ -85,7 +85,7 @@ fn unlike(picture: &Image, expected: &Image) -> Option<String> {
     // Grey is what it is in colour, and what has no alpha is opaque.
     let texel = |image: &Image, x: u32, y: u32| {
         let colors = if image.channels < 3 { [0, 0, 0] } else { [0, 1, 2] };
-        let alpha = if image.channels % 2 == 0 { image.get(x, y, image.channels - 1) } else { 1.0 };
+        let alpha = if image.channels.is_multiple_of(2) { image.get(x, y, image.channels - 1) } else { 1.0 };
         (colors.map(|c| image.get(x, y, c)), alpha)
     };
     let (mut sum, mut count) = (0.0, 0.0);

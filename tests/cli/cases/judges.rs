@@ -118,7 +118,7 @@ fn cage_overflow(case: &Case) {
 fn concave_polygon(case: &Case) {
     succeeded(case);
     let out = case.folder.image("out.png");
-    let alpha = |x: u32, y: u32| if out.channels % 2 == 0 { out.get(x, y, out.channels - 1) } else { 1.0 };
+    let alpha = |x: u32, y: u32| if out.channels.is_multiple_of(2) { out.get(x, y, out.channels - 1) } else { 1.0 };
     let mut covered = 0;
     for y in 0..64 {
         for x in 0..64 {
