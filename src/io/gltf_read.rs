@@ -1,7 +1,7 @@
 //! glTF 2.0 and GLB, read as one mesh.
 //!
 //! The meshes of the default scene are taken in the order of the file's list of meshes, each once: at the first node that
-//! shows it (depth first); a note names the others. They stand in the pose that viewers show ([`super::gltf_pose`]).
+//! shows it (depth first); a note names the others. They stand in the pose that viewers show (`gltf_pose`).
 //!
 //! **A vertex number is the one in the file**: numbers run through the elements of the position accessor of each
 //! primitive of triangles, primitive after primitive, used or not; an accessor that two primitives share counts for

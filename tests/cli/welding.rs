@@ -149,7 +149,8 @@ fn run_all(form: &Form, size: f64) -> Made {
         format!("check s.obj --anchors one.json -o c.ply {common}"),
         format!("weights s.obj --anchors one.json --points points.csv -o w.npy {common}"),
         format!("map {pair} -o m.csv {common}"),
-        format!("map {pair} -o i.csv --inverse {common}"),
+        // Of turned-over and thin triangles the inverse multiplies single precision by their stretch.
+        format!("map {pair} -o i.csv --inverse {common}").replace("--backend cpu", "--backend reference"),
         format!("map {pair} -o r.csv --method rbf {common}"),
         format!("attributes {pair} --attributes data.csv -o d.csv {common}"),
         format!("transfer {pair} --texture s.png --size 96 -o o.png --coverage cover.png {common}"),
