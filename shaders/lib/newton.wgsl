@@ -7,7 +7,7 @@ const SLACK: f32 = 1e-4;
 const NEWTON_STEPS: u32 = 12u;
 const EPSILON: f32 = 1.1920928955078125e-7;
 // psi::ROUNDING.
-const ROUNDING: f32 = 2.0;
+const ROUNDING: f32 = 6.0;
 
 // Q_kj = G_k T_i(k) (v_j - ybar) as the columns j of one matrix for each k, and where the iteration starts.
 struct System {

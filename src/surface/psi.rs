@@ -163,8 +163,10 @@ pub fn slack<S: Real>() -> S {
     if S::EPSILON > S::of(1e-10) { S::of(1e-4) } else { S::of(1e-9) }
 }
 
-/// Roundings of the largest coordinate that a point given to be projected may be off: one of its own and one of the vertices.
-const ROUNDING: f64 = 2.0;
+/// How far a point given to be projected may be off, in units in the last place of its largest coordinate: its coordinates, those
+/// of the vertices and their combination are rounded by half a unit each, and the length of a vector of sixteen such errors is
+/// four times as large: `3 / 2 * sqrt(16)`.
+const ROUNDING: f64 = 6.0;
 
 /// Steps after which Newton's method is given up; three or four are usual.
 pub const NEWTON_STEPS: usize = 12;
