@@ -2,6 +2,7 @@
 
 use barymap::io::attribute_table::read_colors;
 use barymap::io::read_mesh;
+use barymap::models::shapes::{Diagonal, plane_grid};
 use barymap::raster::Image;
 use glam::{DMat4, DVec3};
 use serde_json::Value;
@@ -291,8 +292,12 @@ fn high_valence_fan(case: &Case) {
     let mesh = read_mesh(case.folder.path("fan_2000.obj")).unwrap().mesh;
     assert_eq!(matrix.values.len(), matrix.columns * mesh.vertex_count());
     assert!(matrix.values.iter().all(|x| x.is_finite()));
-    if let Some(peak) = case.ran.peak_memory {
-        assert!(peak < 120 << 20, "{} MiB", peak >> 20);
+    // As much memory as an even mesh of that size needs, but for half of it.
+    let even = plane_grid(44, 44, 1.0, 1.0, Diagonal::Forward);
+    barymap::io::write_obj(&even, case.folder.path("even.obj")).unwrap();
+    let other = case.folder.shell("barymap embed even.obj -o even.npy --backend cpu --no-cache").succeeds();
+    if let (Some(fan), Some(even)) = (case.ran.peak_memory, other.peak_memory) {
+        assert!(2 * fan < 3 * even, "{fan} bytes for {even}");
     }
 }
 
@@ -303,8 +308,8 @@ fn map_bump_normal(case: &Case) {
     for (x, y) in inside(&out) {
         for (c, expected) in [128.0, 210.0, 225.0].into_iter().enumerate() {
             let value = 255.0 * out.get(x, y, c as u32);
-            // Normals of the mesh vary by as much between the layouts.
-            assert!((value - expected).abs() < 5.0, "texel {x}, {y}, channel {c}: {value}");
+            // The tolerance of the cases: 6 of 255.
+            assert!((value - expected).abs() < 6.0, "texel {x}, {y}, channel {c}: {value}");
         }
     }
 }
