@@ -233,7 +233,7 @@ fn assert_forms_agree(mesh: &Mesh) {
                 "attributes" => 10.0 * 97.0,
                 _ if what.starts_with("map") => 10.0 * size,
                 // An in-between ends where its iteration stops, and the way there follows the order of the vertices.
-                "morph" => 2e-3 / SAME * size,
+                "morph" => 5e-3 / SAME * size,
                 _ => size,
             };
             if let Some(first) = unlike(&form, &trim(rows), &trim(wanted), scale) {
