@@ -230,7 +230,8 @@ fn assert_forms_agree(mesh: &Mesh) {
             };
             // Maps are in single precision here, and a vertex may be a corner of another face: some tens of roundings.
             let scale = match *what {
-                "attributes" => 10.0 * 97.0,
+                // The data go up and down by 97 from one vertex to the next.
+                "attributes" => 10.0 * 97.0 * size / mesh.mean_edge_length(),
                 _ if what.starts_with("map") => 10.0 * size,
                 // An in-between ends where its iteration stops, and the way there follows the order of the vertices.
                 "morph" => 5e-3 / SAME * size,
