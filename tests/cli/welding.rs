@@ -261,15 +261,9 @@ fn forms_of_a_sphere_agree_in_every_command() {
 
 #[test]
 #[ignore = "needs BARYMAP_DATA"]
-fn forms_of_five_real_meshes_agree_in_every_command() {
+fn forms_of_real_meshes_agree_in_every_command() {
     let folder = std::path::PathBuf::from(std::env::var_os("BARYMAP_DATA").unwrap());
-    for name in [
-        "mesh/goathead_5.5k.obj",
-        "gt/cat_lion/lion-00.obj",
-        "mesh/alligator_6k.obj",
-        "mesh/3holes_7k.obj",
-        "textured/spot/spot.obj",
-    ] {
+    for name in ["mesh/goathead_5.5k.obj", "gt/cat_lion/lion-00.obj", "mesh/alligator_6k.obj"] {
         assert_forms_agree(&read_mesh(folder.join(name)).unwrap().mesh);
     }
 }
