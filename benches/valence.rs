@@ -1,6 +1,8 @@
-//! A vertex of 20,000 neighbours against an even mesh of as many triangles: time and peak memory of commands.
+//! A vertex of 20,000 neighbours against an even mesh of as many triangles: time and peak memory of
+//! commands.
 //!
-//! `cargo build --release && cargo bench --bench valence`; the program is taken from `BARYMAP` or beside this one. Peak memory is
+//! `cargo build --release && cargo bench --bench valence`; the program is taken from `BARYMAP` or
+//! beside this one. Peak memory is
 //! read from /proc on Linux.
 
 use std::f64::consts::TAU;

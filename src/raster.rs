@@ -2,7 +2,8 @@
 
 use crate::error::{Error, Result};
 
-/// Light from an sRGB value (IEC 61966-2-1); values outside 0..1 follow the same curves, mirrored at 0.
+/// Light from an sRGB value (IEC 61966-2-1); values outside 0..1 follow the same curves, mirrored
+/// at 0.
 pub fn srgb_to_linear(x: f32) -> f32 {
     let a = x.abs();
     (if a <= 0.04045 { a / 12.92 } else { ((a + 0.055) / 1.055).powf(2.4) }).copysign(x)

@@ -70,10 +70,12 @@ const MIRROR: u32 = 2u;
 // 0 where every picture repeats along both axes, which is what most do.
 override MODES: u32 = 1u;
 
-// Farther from a picture than this, in its sides, its border is all that a footprint sees; sample::FAR.
+// Farther from a picture than this, in its sides, its border is all that a footprint sees;
+// sample::FAR.
 const FAR: f32 = 1000.0;
 
-// Coordinates that show the same texels, brought near the picture. Reference: tools::transfer::sample::near_picture.
+// Coordinates that show the same texels, brought near the picture. Reference:
+// tools::transfer::sample::near_picture.
 fn near_picture(x: vec2f, mode: vec2u) -> vec2f {
     if MODES == 0u {
         return x - floor(x);

@@ -9,7 +9,8 @@ const EPSILON: f32 = 1.1920928955078125e-7;
 // psi::ROUNDING.
 const ROUNDING: f32 = 6.0;
 
-// Q_kj = G_k T_i(k) (v_j - ybar) as the columns j of one matrix for each k, and where the iteration starts.
+// Q_kj = G_k T_i(k) (v_j - ybar) as the columns j of one matrix for each k, and where the iteration
+// starts.
 struct System {
     q0: mat3x2f,
     q1: mat3x2f,
@@ -26,7 +27,8 @@ fn tangential(t: Corner, d0: Vector, d1: Vector, d2: Vector) -> mat3x2f {
     return mat3x2f(dot_vector(t.a, d0), dot_vector(t.b, d0), dot_vector(t.a, d1), dot_vector(t.b, d1), dot_vector(t.a, d2), dot_vector(t.b, d2));
 }
 
-// The projection onto the flat triangle, reflected into it where it lies outside; psi::start. `d`: v_2 - ybar.
+// The projection onto the flat triangle, reflected into it where it lies outside; psi::start. `d`:
+// v_2 - ybar.
 fn flat_projection(e: Vector, f: Vector, d: Vector) -> vec3f {
     let ee = dot_vector(e, e);
     let ef = dot_vector(e, f);
@@ -109,7 +111,8 @@ fn newton_step(system: System, x: vec3f) -> Step {
     return Step(vec2f(j1.x * f.y - j1.y * f.x, j0.y * f.x - j0.x * f.y) / det, true);
 }
 
-// Accepts coordinates that lie outside by no more than the slack, or than a length that rounding leaves open; clamped to the
+// Accepts coordinates that lie outside by no more than the slack, or than a length that rounding
+// leaves open; clamped to the
 // triangle.
 fn inside_or_not(system: System, x: vec3f) -> Root {
     let c = max(x, vec3f());
@@ -117,7 +120,8 @@ fn inside_or_not(system: System, x: vec3f) -> Root {
     if min(x.x, min(x.y, x.z)) >= -SLACK {
         return Root(inside, true);
     }
-    // How far that moves the point, as seen in the planes of the three corners; their turn by G_k changes it by less than a
+    // How far that moves the point, as seen in the planes of the three corners; their turn by G_k
+    // changes it by less than a
     // half.
     let d = inside - x;
     let moved = max(largest(system.q0 * d), max(largest(system.q1 * d), largest(system.q3 * d)));
@@ -159,7 +163,8 @@ fn project_triangle(system: System, patience: f32) -> Root {
         if min(x.x, min(x.y, x.z)) < -patience {
             return Root(x, false);
         }
-        // Beyond a vertex s is negative and Psi as smooth as before it; only on the pole there is no next step.
+        // Beyond a vertex s is negative and Psi as smooth as before it; only on the pole there is
+        // no next step.
         let s = abs(x.x * x.y + x.y * x.z + x.z * x.x);
         if s <= AT_VERTEX {
             return vertex_root(system, x);

@@ -1,6 +1,7 @@
 //! The Gauss-Newton matrix (I - dF)ᵀ(I - dF) of the free vertices, assembled and factorised.
 //!
-//! The square of a row of thousands of neighbours would be dense. Such a row borders the matrix instead, with three unknowns of its
+//! The square of a row of thousands of neighbours would be dense. Such a row borders the matrix
+//! instead, with three unknowns of its
 //! own (see `geometry::cholesky`).
 
 use faer::dyn_stack::{MemBuffer, MemStack};
@@ -45,14 +46,18 @@ pub(crate) struct DirectSolver {
 }
 
 const OWN: u32 = u32::MAX;
-/// Least damping of a bordered matrix. Without its long rows the matrix may be singular, and is factorised without pivots: the damping bounds their growth by
-/// its inverse, so that ten digits are left. It bends a step by a millionth; the minimum stays where it is.
+/// Least damping of a bordered matrix. Without its long rows the matrix may be singular, and is
+/// factorised without pivots: the damping bounds their growth by
+/// its inverse, so that ten digits are left. It bends a step by a millionth; the minimum stays
+/// where it is.
 const LEAST_DAMPING: f64 = 1e-6;
 /// In the place of a slot: the unknowns of a row that borders the matrix.
 const BORDER: u32 = u32::MAX - 1;
 
-/// The pairs of a row's members whose blocks it adds to, the members of a square in order; of a row that borders, whose unknowns have number
-/// `border`, each with itself and with the row's own vertex (for springs), and each with the border.
+/// The pairs of a row's members whose blocks it adds to, the members of a square in order; of a row
+/// that borders, whose unknowns have number
+/// `border`, each with itself and with the row's own vertex (for springs), and each with the
+/// border.
 fn row_pairs(m: &[(u32, u32)], border: Option<u32>, mut visit: impl FnMut((u32, u32), (u32, u32))) {
     let Some(border) = border.map(|number| (number, BORDER)) else {
         m.iter().enumerate().for_each(|(i, a)| m[..=i].iter().for_each(|b| visit(*a, *b)));
@@ -249,7 +254,8 @@ impl DirectSolver {
         llt.solve_in_place_with_conj(Conj::No, right, Par::Seq, MemStack::new(&mut self.solve_scratch));
     }
 
-    /// The damping of what rows that border add to the diagonal is added here, as the diagonal lacks it.
+    /// The damping of what rows that border add to the diagonal is added here, as the diagonal
+    /// lacks it.
     fn assemble(&mut self, blocks: &[[f64; 9]], springs: &[Stretch], damping: f64) {
         let free = self.loose.len();
         let mut border = 0;
@@ -275,7 +281,8 @@ impl DirectSolver {
             border += usize::from(number.is_some());
             let (values, pair_block, block_at) = (&mut self.values, &self.pair_block, &self.block_at);
             row_pairs(m, number, |a, b| {
-                // The block of the later vertex's rows and the earlier one's columns: A_highᵀ A_low.
+                // The block of the later vertex's rows and the earlier one's columns: A_highᵀ
+                // A_low.
                 let (low, high) = if a.0 < b.0 { (a, b) } else { (b, a) };
                 let at = block_at[pair_block[pair] as usize];
                 pair += 1;
@@ -323,7 +330,8 @@ impl DirectSolver {
 mod tests {
     use super::*;
 
-    /// A star of `n` vertices around vertex 0, each with a ring of its neighbours on the rim and the middle.
+    /// A star of `n` vertices around vertex 0, each with a ring of its neighbours on the rim and
+    /// the middle.
     fn star(n: u32) -> Stencils {
         let mut rings: Vec<Vec<u32>> = vec![(1..=n).collect()];
         rings.extend((0..n).map(|i| vec![0, 1 + (i + 1) % n, 1 + (i + n - 1) % n]));

@@ -12,7 +12,8 @@ const LEAST_MASS: f64 = 1e-4;
 /// `L' M^-1 L` and `M`: L is the cotangent Laplacian without boundary flow, so that linear functions on flat meshes have no energy, M the lumped mass.
 #[derive(Clone, Debug)]
 pub(crate) struct Bending {
-    /// Lower half: row v holds column v of the matrix from the diagonal on, then its entries of long rows of M^-1/2 L, numbered after
+    /// Lower half: row v holds column v of the matrix from the diagonal on, then its entries of
+    /// long rows of M^-1/2 L, numbered after
     /// the vertices.
     energy: SparseRows,
     /// How many rows of L are long.
@@ -170,7 +171,8 @@ mod tests {
             let (positions, triangles) = star(n);
             let bending = Bending::new(&positions, &triangles).unwrap();
             assert_eq!(bending.long, 1);
-            // Rows of 6 or 7 entries have squares of 19, half of them stored; the star adds two columns and two rows of the border.
+            // Rows of 6 or 7 entries have squares of 19, half of them stored; the star adds two
+            // columns and two rows of the border.
             assert!(bending.energy.values.len() < 20 * positions.len(), "{n}");
             let factor = bending.factorise(1.0, &[], 0.0).unwrap();
             assert!(factor.len() < 200 * positions.len(), "{n}: {} entries", factor.len());

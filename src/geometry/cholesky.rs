@@ -1,8 +1,11 @@
 //! Sparse Cholesky factors of symmetric positive definite matrices.
 //!
-//! The sum of squares `A + sum l l'` is dense where a row l is long, as that of a vertex with thousands of neighbours is.
-//! It is then given as the *bordered* matrix `[A l; l' -1]`, which has one unknown more for each long row and the same solution
-//! for the others, `l' x` being the value of the new one. It is quasi-definite: L D L' exists for any order of the unknowns
+//! The sum of squares `A + sum l l'` is dense where a row l is long, as that of a vertex with
+//! thousands of neighbours is.
+//! It is then given as the *bordered* matrix `[A l; l' -1]`, which has one unknown more for each
+//! long row and the same solution
+//! for the others, `l' x` being the value of the new one. It is quasi-definite: L D L' exists for
+//! any order of the unknowns
 //! (Vanderbei 1995), and the number of non-zeros stays linear in that of the vertices.
 
 use std::sync::Arc;
@@ -22,7 +25,8 @@ use crate::error::{Error, Result};
 /// Columns solved for together: fewer read the factor too often, more leave threads idle where there are few.
 const COLUMNS: usize = 6;
 
-/// Rows of more entries than this are long. Their squares have this many entries for each of theirs, at most; vertices of real meshes
+/// Rows of more entries than this are long. Their squares have this many entries for each of
+/// theirs, at most; vertices of real meshes
 /// have 4 to 20 neighbours.
 pub(crate) const LONGEST: usize = 64;
 
@@ -38,7 +42,8 @@ pub(crate) struct SparsePattern {
 }
 
 impl SparsePattern {
-    /// The lower half by columns: the entries of column c are those from `starts[c]` to `starts[c + 1]`, rows ascending. The last
+    /// The lower half by columns: the entries of column c are those from `starts[c]` to
+    /// `starts[c + 1]`, rows ascending. The last
     /// `border` columns are those of long rows.
     ///
     /// # Errors
@@ -120,7 +125,8 @@ impl SparseCholesky {
         self.values.len()
     }
 
-    /// Replaces the columns of `x` by the solutions, several columns at a time on every thread; the number of threads does not change the result. The unknowns of
+    /// Replaces the columns of `x` by the solutions, several columns at a time on every thread; the
+    /// number of threads does not change the result. The unknowns of
     /// long rows may be left out; their right-hand sides are zero then.
     ///
     /// # Errors

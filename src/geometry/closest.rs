@@ -75,7 +75,8 @@ impl ClosestPoints {
         self.frame
     }
 
-    /// [`ClosestPoints::nearest`] in the coordinates of [`ClosestPoints::frame`], for points that are computed there.
+    /// [`ClosestPoints::nearest`] in the coordinates of [`ClosestPoints::frame`], for points that
+    /// are computed there.
     pub fn nearest_local(&self, p: DVec3) -> Option<(SurfacePoint, f64)> {
         if self.nodes.is_empty() || !p.is_finite() {
             return None;

@@ -1,26 +1,37 @@
 //! Coordinates about a point of the shape itself, at a size near 1.
 //!
-//! Georeferenced scans stand millions of sizes away from the origin, others measure in micrometres. What is
-//! computed from raw coordinates there loses digits: products and sums of them round by the size of the
-//! coordinates, not of the shape, and single precision has none left. Results must not depend on where a
+//! Georeferenced scans stand millions of sizes away from the origin, others measure in micrometres.
+//! What is
+//! computed from raw coordinates there loses digits: products and sums of them round by the size of
+//! the
+//! coordinates, not of the shape, and single precision has none left. Results must not depend on
+//! where a
 //! shape stands or what unit it is measured in.
 //!
-//! Two ways lead there. The coordinates could be replaced as a file is read and put back as one is written.
-//! Every position, length and area that enters or leaves a command would have to be converted then, and one
-//! that is missed is wrong without a word. So meshes keep the coordinates of the file, and whatever computes
+//! Two ways lead there. The coordinates could be replaced as a file is read and put back as one is
+//! written.
+//! Every position, length and area that enters or leaves a command would have to be converted then,
+//! and one
+//! that is missed is wrong without a word. So meshes keep the coordinates of the file, and whatever
+//! computes
 //! with more than differences of them takes a [`Frame`] of the shape first. Modules that use only
 //! differences of positions (areas, normals, geodesics, Laplacians, simplification) need none.
 //!
-//! The origin of a frame is *a vertex of the shape*, the scale a power of two. Then local coordinates are the
-//! same bits for the same shape shifted by any vector for which the shift is exact, and scaled by any power
-//! of two: a floating-point difference is the rounded value of the exact one, and both vertices shift alike.
-//! Decisions made in local coordinates are the same for both. The middle of a box would round with the shift.
+//! The origin of a frame is *a vertex of the shape*, the scale a power of two. Then local
+//! coordinates are the
+//! same bits for the same shape shifted by any vector for which the shift is exact, and scaled by
+//! any power
+//! of two: a floating-point difference is the rounded value of the exact one, and both vertices
+//! shift alike.
+//! Decisions made in local coordinates are the same for both. The middle of a box would round with
+//! the shift.
 
 use glam::DVec3;
 
 use super::{Mesh, SurfacePoint};
 
-/// Exponents of scales: beyond them squares and cubes of local coordinates would leave the range of `f64`.
+/// Exponents of scales: beyond them squares and cubes of local coordinates would leave the range of
+/// `f64`.
 const EXPONENTS: std::ops::RangeInclusive<i32> = -1000..=1000;
 
 /// Local coordinates of a shape: `(p - origin) * scale`.
@@ -28,7 +39,8 @@ const EXPONENTS: std::ops::RangeInclusive<i32> = -1000..=1000;
 pub struct Frame {
     /// The point of the shape whose local coordinates are 0.
     pub origin: DVec3,
-    /// Local units in one unit of the file, a power of two: the longest side of the shape's box is 1/2 to 1.
+    /// Local units in one unit of the file, a power of two: the longest side of the shape's box is
+    /// 1/2 to 1.
     pub scale: f64,
 }
 
@@ -40,7 +52,8 @@ impl Default for Frame {
 }
 
 impl Frame {
-    /// The frame of some points: the origin is the one nearest to the middle of their box, the first on ties.
+    /// The frame of some points: the origin is the one nearest to the middle of their box, the
+    /// first on ties.
     /// Points that are not finite do not count; of none, coordinates stay as they are. O(n).
     pub fn of(points: impl Iterator<Item = DVec3> + Clone) -> Self {
         let finite = points.filter(|p| p.is_finite());
@@ -83,7 +96,8 @@ impl Frame {
         q / self.scale + self.origin
     }
 
-    /// The local place of a point of `mesh`, which does not round where its corners lie far from the origin.
+    /// The local place of a point of `mesh`, which does not round where its corners lie far from
+    /// the origin.
     ///
     /// # Panics
     /// If the face is not a triangle of `mesh`.

@@ -20,7 +20,8 @@ pub struct Material {
     pub base_color: [f32; 4],
     /// Whether the file states a base colour; the one above is the default otherwise.
     pub has_base_color: bool,
-    /// Whether the base colour is written as viewers show it (sRGB, as in MTL files), and not as light (glTF).
+    /// Whether the base colour is written as viewers show it (sRGB, as in MTL files), and not as
+    /// light (glTF).
     pub srgb_base_color: bool,
     /// Textures in other roles, each role at most once.
     pub textures: Vec<RoleTexture>,
@@ -113,7 +114,8 @@ impl RoleTexture {
     }
 }
 
-/// A statement of an MTL file that no other field of a [`Material`] holds, as bytes, kept to be written again.
+/// A statement of an MTL file that no other field of a [`Material`] holds, as bytes, kept to be
+/// written again.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Statement {
     /// All of it, or what stands before the file.

@@ -23,11 +23,16 @@ pub struct Corner {
 
 /// A polygon mesh with texture coordinates, groups and materials in file order, and its triangles.
 ///
-/// A vertex index is the position of its line in the file whatever is unused. A polygon of n corners has n - 2 triangles: the
-/// fan from its first corner where that lies inside it, as it does in every convex polygon, else triangles between its corners that
-/// do (`geometry::triangulate`). Triangle indices count them polygon by polygon in file order, those of one polygon in the order of
-/// their lowest, then middle, then highest corner, which is also the order in which a triangle names its corners. Degenerate triangles keep their
-/// number, and moving vertices changes none. Positions are in the file's units and axes; texture row v = 1 is the top of the picture.
+/// A vertex index is the position of its line in the file whatever is unused. A polygon of n
+/// corners has n - 2 triangles: the
+/// fan from its first corner where that lies inside it, as it does in every convex polygon, else
+/// triangles between its corners that
+/// do (`geometry::triangulate`). Triangle indices count them polygon by polygon in file order,
+/// those of one polygon in the order of
+/// their lowest, then middle, then highest corner, which is also the order in which a triangle
+/// names its corners. Degenerate triangles keep their
+/// number, and moving vertices changes none. Positions are in the file's units and axes; texture
+/// row v = 1 is the top of the picture.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
     /// Where it came from; used in messages.
@@ -42,7 +47,8 @@ pub struct Mesh {
     pub materials: Vec<Material>,
     /// Group or object names, referred to by polygons.
     pub groups: Vec<String>,
-    /// Colours of vertices, as viewers show them (sRGB), RGBA, 0..1; empty without. One for each vertex of the file.
+    /// Colours of vertices, as viewers show them (sRGB), RGBA, 0..1; empty without. One for each
+    /// vertex of the file.
     pub colors: Vec<[f32; 4]>,
     /// Names of groups and materials whose bytes in the file are not UTF-8, with those bytes.
     pub spellings: BTreeMap<String, Vec<u8>>,
@@ -156,7 +162,8 @@ impl Mesh {
         c.iter().all(|c| c.texcoord != NONE).then(|| c.map(|c| self.texcoords[c.texcoord as usize]))
     }
 
-    /// Replaces the texture coordinates by what `new` makes of them for the polygons that use them. Those that were one stay
+    /// Replaces the texture coordinates by what `new` makes of them for the polygons that use them.
+    /// Those that were one stay
     /// one as far as they stay equal. O(corners).
     pub fn map_texcoords(&mut self, new: impl Fn(usize, DVec2) -> DVec2) {
         let old = std::mem::take(&mut self.texcoords);
@@ -213,13 +220,17 @@ impl Mesh {
 
     /// Joins vertices: `representatives[v]` stands for `v` in everything that is computed.
     ///
-    /// Files repeat a vertex where texture coordinates or normals differ, or for every face. The surface is one
-    /// there. Vertices keep their numbers and positions. Corners, and so triangles and topology, name the
-    /// representative. What it stands for becomes a vertex of no triangle, and [`Mesh::file_polygon`] still
+    /// Files repeat a vertex where texture coordinates or normals differ, or for every face. The
+    /// surface is one
+    /// there. Vertices keep their numbers and positions. Corners, and so triangles and topology,
+    /// name the
+    /// representative. What it stands for becomes a vertex of no triangle, and
+    /// [`Mesh::file_polygon`] still
     /// gives the corners of the file. A second call replaces the first. O(corners).
     ///
     /// # Panics
-    /// If the length differs from the number of vertices, a representative comes after a vertex that it stands
+    /// If the length differs from the number of vertices, a representative comes after a vertex
+    /// that it stands
     /// for, or does not stand for itself.
     pub fn join(&mut self, representatives: Vec<u32>) {
         assert_eq!(representatives.len(), self.positions.len(), "one representative a vertex");
@@ -255,7 +266,8 @@ impl Mesh {
             && (0..self.polygon_count()).all(|p| vertices(self, p) == vertices(other, p))
     }
 
-    /// Takes the triangles and the joined vertices of `other`, which has the same polygons: the numbers of a triangulation depend
+    /// Takes the triangles and the joined vertices of `other`, which has the same polygons: the
+    /// numbers of a triangulation depend
     /// on positions, and shapes of one connectivity need one.
     ///
     /// # Panics
@@ -267,7 +279,8 @@ impl Mesh {
         self.join_as(other);
     }
 
-    /// The same mesh with what `change` makes of the texture coordinate and normal of each corner; the vertices stay.
+    /// The same mesh with what `change` makes of the texture coordinate and normal of each corner;
+    /// the vertices stay.
     pub fn with_corners(&self, mut change: impl FnMut(Corner) -> Corner) -> Self {
         let mut mesh = self.clone();
         for corner in &mut mesh.corners {
@@ -281,7 +294,8 @@ impl Mesh {
         self.representatives.iter().enumerate().any(|(v, &r)| v != r as usize)
     }
 
-    /// The vertex that stands for `v` in everything that is computed: the lowest of those joined with it, or
+    /// The vertex that stands for `v` in everything that is computed: the lowest of those joined
+    /// with it, or
     /// `v` itself.
     pub fn representative(&self, v: u32) -> u32 {
         self.representatives.get(v as usize).copied().unwrap_or(v)
@@ -323,7 +337,8 @@ impl Mesh {
         }
     }
 
-    /// The corners of polygon `p` with the vertices of the file, joined or not: what a writer needs.
+    /// The corners of polygon `p` with the vertices of the file, joined or not: what a writer
+    /// needs.
     pub fn file_polygon(&self, p: usize) -> impl ExactSizeIterator<Item = Corner> + '_ {
         let range = self.polygon_start[p] as usize..self.polygon_start[p + 1] as usize;
         range.map(|c| {
@@ -391,7 +406,8 @@ impl MeshBuilder {
         builder
     }
 
-    /// Gives the polygons that follow what polygon `p` of another mesh has: material, group, object and smoothing.
+    /// Gives the polygons that follow what polygon `p` of another mesh has: material, group, object
+    /// and smoothing.
     pub fn follow(&mut self, mesh: &Mesh, p: usize) {
         (self.material, self.group) = (mesh.polygon_material(p), mesh.polygon_group(p));
         (self.object, self.smoothing) = (mesh.polygon_object(p), mesh.polygon_smoothing(p));

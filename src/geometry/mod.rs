@@ -23,7 +23,8 @@ pub(crate) mod union_find;
 pub mod up_axis;
 pub mod weld;
 
-/// Sizes and coordinates whose squared products neither overflow nor vanish, nor lose the exactness of predicates.
+/// Sizes and coordinates whose squared products neither overflow nor vanish, nor lose the exactness
+/// of predicates.
 pub const RANGE: std::ops::RangeInclusive<f64> = 1e-100..=1e100;
 
 pub use closest::ClosestPoints;

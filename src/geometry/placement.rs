@@ -1,4 +1,5 @@
-//! How a picture lies on a surface: the way from a mesh's texture coordinates to places in the picture.
+//! How a picture lies on a surface: the way from a mesh's texture coordinates to places in the
+//! picture.
 
 use glam::{DAffine2, DMat2, DVec2};
 
@@ -68,11 +69,14 @@ impl Placement {
         Self { transform, ..Self::default() }
     }
 
-    /// As the glTF extension KHR_texture_transform: in its coordinates, whose v runs down, scaled, then rotated, then
+    /// As the glTF extension KHR_texture_transform: in its coordinates, whose v runs down, scaled,
+    /// then rotated, then
     /// moved.
     ///
-    /// The rotation is that of renderers and of the Khronos sample model: the coordinates turn counter-clockwise as
-    /// seen on the picture. The matrix printed in the extension's text turns the other way (glTF issue 1563).
+    /// The rotation is that of renderers and of the Khronos sample model: the coordinates turn
+    /// counter-clockwise as
+    /// seen on the picture. The matrix printed in the extension's text turns the other way (glTF
+    /// issue 1563).
     pub fn of_gltf(offset: DVec2, rotation: f64, scale: DVec2) -> Self {
         let (sin, cos) = rotation.sin_cos();
         // Column by column.
@@ -81,7 +85,8 @@ impl Placement {
         Self { transform: flipped(inner), ..Self::default() }
     }
 
-    /// Offset, rotation and scale of KHR_texture_transform for this placement. Exact, but for rounding, as long as the
+    /// Offset, rotation and scale of KHR_texture_transform for this placement. Exact, but for
+    /// rounding, as long as the
     /// transform shears nothing, which no format can say.
     pub fn to_gltf(&self) -> (DVec2, f64, DVec2) {
         let inner = flipped(self.transform);
@@ -133,7 +138,8 @@ mod tests {
     #[test]
     fn gltf_transforms_scale_then_turn_then_move_and_come_back() {
         let quarter = std::f64::consts::FRAC_PI_2;
-        // In glTF's coordinates (1, 0) is scaled to (2, 0), turned up on the picture to (0, -2), and moved.
+        // In glTF's coordinates (1, 0) is scaled to (2, 0), turned up on the picture to (0, -2),
+        // and moved.
         let placement = Placement::of_gltf(DVec2::new(0.5, 0.25), quarter, DVec2::new(2.0, 3.0));
         let at = |u: f64, v: f64| {
             let p = placement.apply(DVec2::new(u, 1.0 - v));

@@ -95,7 +95,8 @@ pub fn simplify(positions: &[DVec3], triangles: &[[u32; 3]], options: &SimplifyO
     }
 }
 
-/// Vertices of more faces than this stay, and nothing is moved onto them: each collapse looks at all faces of both ends, and at what may come next around
+/// Vertices of more faces than this stay, and nothing is moved onto them: each collapse looks at
+/// all faces of both ends, and at what may come next around
 /// the one that stays. Their neighbours collapse into one another until they have fewer.
 const MANY: usize = 64;
 

@@ -68,7 +68,8 @@ impl TangentFrames {
     /// # Panics
     /// If there are fewer normals than vertices.
     pub fn new(mesh: &Mesh, smooth: &[DVec3]) -> Self {
-        // Coordinates near 1 about the mesh itself: their squares stay in the range of single precision.
+        // Coordinates near 1 about the mesh itself: their squares stay in the range of single
+        // precision.
         let frame = Frame::of_mesh(mesh);
         let mut corners: Vec<[CornerFrame; 3]> = (0..mesh.triangle_count())
             .map(|t| {

@@ -111,7 +111,8 @@ impl Topology {
         topology
     }
 
-    /// The same mesh with the triangles of the components that `keep` refuses marked unusable. Components are numbered anew. O(F log F).
+    /// The same mesh with the triangles of the components that `keep` refuses marked unusable.
+    /// Components are numbered anew. O(F log F).
     pub fn restricted(&self, keep: impl Fn(u32) -> bool) -> Self {
         let kept = |t: u32| self.usable[t as usize] && keep(self.triangle_component(t));
         let usable = (0..self.triangles.len() as u32).map(kept).collect();

@@ -1,24 +1,32 @@
 //! Polygons of a mesh as triangles that lie inside them.
 //!
-//! A polygon of n corners has n - 2 triangles. It keeps the fan from its first corner where all triangles of the fan
-//! have positive area on the polygon's best plane, which is so for every convex one. Else two triangles of the other
-//! diagonal are taken for four corners, and the constrained Delaunay triangulation on that plane for more. Corners may
-//! lie on an edge, and a hole may be joined to the outline by an edge there and back. What is no outline of a region
+//! A polygon of n corners has n - 2 triangles. It keeps the fan from its first corner where all
+//! triangles of the fan
+//! have positive area on the polygon's best plane, which is so for every convex one. Else two
+//! triangles of the other
+//! diagonal are taken for four corners, and the constrained Delaunay triangulation on that plane
+//! for more. Corners may
+//! lie on an edge, and a hole may be joined to the outline by an edge there and back. What is no
+//! outline of a region
 //! (it crosses itself, has no area, is not finite) has no inside and keeps the fan.
 //!
-//! Triangles name corners in ascending order, which is the orientation of the polygon, and are sorted by them.
+//! Triangles name corners in ascending order, which is the orientation of the polygon, and are
+//! sorted by them.
 
 use std::collections::HashMap;
 
 use glam::{DVec2, DVec3};
 use spade::{ConstrainedDelaunayTriangulation, Point2, Triangulation as _};
 
-/// A triangle turns by at least this sine at its first corner; what turns less is a line, within rounding.
+/// A triangle turns by at least this sine at its first corner; what turns less is a line, within
+/// rounding.
 const LEAST_TURN: f64 = 1e-9;
-/// Coordinates below this fraction of the polygon are zero: the triangulation has no room for smaller ones.
+/// Coordinates below this fraction of the polygon are zero: the triangulation has no room for
+/// smaller ones.
 const ZERO: f64 = 1e-30;
 
-/// The triangles of a polygon as numbers of its corners, at least three. O(n), for a polygon without a valid fan
+/// The triangles of a polygon as numbers of its corners, at least three. O(n), for a polygon
+/// without a valid fan
 /// O(n log n).
 pub(crate) fn triangulate(corners: &[DVec3]) -> Vec<[u32; 3]> {
     let n = corners.len() as u32;
@@ -41,7 +49,8 @@ pub(crate) fn triangulate(corners: &[DVec3]) -> Vec<[u32; 3]> {
     Outline::new(corners, normal).and_then(|outline| outline.triangles()).unwrap_or_else(fan)
 }
 
-/// Twice the area of a polygon as a vector along its normal (Newell's method), about the first corner.
+/// Twice the area of a polygon as a vector along its normal (Newell's method), about the first
+/// corner.
 fn area_normal(corners: &[DVec3]) -> DVec3 {
     let origin = corners[0];
     corners.windows(2).map(|w| (w[0] - origin).cross(w[1] - origin)).sum()
@@ -97,7 +106,8 @@ impl Outline {
         (crossings == 0 && whole).then_some(Self { point, corners, faces, left })
     }
 
-    /// The triangles inside, if the outline goes around each of them once and there are two fewer than corners.
+    /// The triangles inside, if the outline goes around each of them once and there are two fewer
+    /// than corners.
     fn triangles(&self) -> Option<Vec<[u32; 3]>> {
         let winding = self.winding();
         let mut triangles = Vec::with_capacity(self.point.len() - 2);
@@ -176,7 +186,8 @@ mod tests {
         0.5 * (b - a).cross(c - a).z
     }
 
-    /// The triangles have the sides of the polygon once, all others twice in opposite directions, and cover its area
+    /// The triangles have the sides of the polygon once, all others twice in opposite directions,
+    /// and cover its area
     /// without turning over: they are a triangulation of it.
     fn assert_fills(points: &[DVec3], triangles: &[[u32; 3]]) {
         let n = points.len() as u32;

@@ -29,7 +29,8 @@ pub enum AnchorSpec {
     Position(DVec3),
 }
 
-/// Distances from a mesh, in the diagonal of its bounding box, beyond which a position is a mistake: other units, or another mesh.
+/// Distances from a mesh, in the diagonal of its bounding box, beyond which a position is a
+/// mistake: other units, or another mesh.
 pub const FARTHEST: f64 = 100.0;
 
 /// Anchors of one mesh, with the file they came from.
@@ -283,7 +284,8 @@ impl AnchorList {
     /// Finds the anchors on their mesh. `closest` gives the closest point of the usable surface and its distance.
     ///
     /// # Errors
-    /// [`Error::Input`] naming the file and the anchor: an index out of range, a vertex that no usable triangle touches, a degenerate triangle, a position farther
+    /// [`Error::Input`] naming the file and the anchor: an index out of range, a vertex that no
+    /// usable triangle touches, a degenerate triangle, a position farther
     /// from the mesh than [`FARTHEST`].
     pub fn resolve(
         &self,

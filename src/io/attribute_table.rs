@@ -113,8 +113,10 @@ pub fn check_attribute_extension(path: impl AsRef<Path>) -> Result<()> {
 
 /// Reads data of vertices, a row for each.
 ///
-/// CSV: a [`Table`] of numbers, with or without a header line; a column named `index` or `vertex` gives the vertex of a row; `status` and
-/// `confidence` are passed over; columns without any number are texts. NPY: a matrix, or an array for one column. PLY: scalar properties of the vertices.
+/// CSV: a [`Table`] of numbers, with or without a header line; a column named `index` or `vertex`
+/// gives the vertex of a row; `status` and
+/// `confidence` are passed over; columns without any number are texts. NPY: a matrix, or an array
+/// for one column. PLY: scalar properties of the vertices.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Format`] naming the line: a cell that is no number, rows of different lengths, a vertex twice or left out, a
@@ -138,10 +140,12 @@ pub fn read_attributes(path: impl AsRef<Path>, columns: &Columns) -> Result<Attr
     }
 }
 
-/// Reads the colours of the vertices of a file, 0..1, as columns `red`, `green`, `blue` and, if there is one, `alpha`. PLY files need no faces. Of tables of numbers all columns are taken.
+/// Reads the colours of the vertices of a file, 0..1, as columns `red`, `green`, `blue` and, if
+/// there is one, `alpha`. PLY files need no faces. Of tables of numbers all columns are taken.
 ///
 /// # Errors
-/// As [`read_attributes`] and [`super::read_mesh`]; [`Error::Format`] where vertices have no colours.
+/// As [`read_attributes`] and [`super::read_mesh`]; [`Error::Format`] where vertices have no
+/// colours.
 pub fn read_colors(path: impl AsRef<Path>) -> Result<AttributeTable> {
     let path = path.as_ref();
     let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
@@ -309,8 +313,10 @@ pub struct RowStatus {
 /// `confidence`; NPY the numbers alone.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::NotFinite`] for a number that is not finite, other than NaN of a vertex whose status is `failed`; [`Error::Input`] if numbers
-/// of rows do not match, a column's name is taken by the mesh in a PLY file, or a number is none of the [whole numbers](Storage::integers) of an NPY
+/// [`Error::Io`]; [`Error::NotFinite`] for a number that is not finite, other than NaN of a vertex
+/// whose status is `failed`; [`Error::Input`] if numbers
+/// of rows do not match, a column's name is taken by the mesh in a PLY file, or a number is none of
+/// the [whole numbers](Storage::integers) of an NPY
 /// file. Texts go into CSV alone.
 pub fn write_attributes(
     path: impl AsRef<Path>,
@@ -350,7 +356,8 @@ pub fn write_attributes(
 fn write_rows(out: impl Write, table: &AttributeTable, status: &[RowStatus]) -> std::io::Result<()> {
     let n = table.columns.len();
     let mut w = TableWriter::new(out, table.storage.dialect, &[])?;
-    // Numbers and texts in the order of the file: those that stand before number `k`, and at last those behind all.
+    // Numbers and texts in the order of the file: those that stand before number `k`, and at last
+    // those behind all.
     let texts = |k: usize| table.texts.iter().filter(move |t| t.place == k || (k == n && t.place > n));
     w.text("index")?;
     for k in 0..=n {

@@ -1,4 +1,5 @@
-//! Text in the encodings that programs write: UTF-8, UTF-16, and the older ones of single countries.
+//! Text in the encodings that programs write: UTF-8, UTF-16, and the older ones of single
+//! countries.
 
 use std::path::Path;
 
@@ -19,7 +20,8 @@ pub(crate) struct Text {
     pub(crate) note: Option<String>,
 }
 
-/// Reads a text file in any encoding: that of its byte order mark, else UTF-8, else the one that the bytes look like.
+/// Reads a text file in any encoding: that of its byte order mark, else UTF-8, else the one that
+/// the bytes look like.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Format`] naming the line of a zero byte, which no text has.

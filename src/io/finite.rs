@@ -1,7 +1,9 @@
 //! What is not finite is not written.
 //!
-//! Every writer passes its numbers through here before anything of them reaches a file. A number that is NaN or infinite comes from a computation that overflowed or
-//! had no result; a reader of the file would take it for data. Where a format has a sign for "there is none" (an empty cell, a row of NaN), the writer says so and
+//! Every writer passes its numbers through here before anything of them reaches a file. A number
+//! that is NaN or infinite comes from a computation that overflowed or
+//! had no result; a reader of the file would take it for data. Where a format has a sign for "there
+//! is none" (an empty cell, a row of NaN), the writer says so and
 //! checks the rest.
 
 use std::path::Path;
@@ -12,7 +14,8 @@ use crate::{Error, Result};
 
 const REMEDY: &str = "Look in the input for coordinates that are no numbers and remove them, and for very large or small ones and scale the model; if there are none, report this as a fault";
 
-/// The error of an output with a number that is not finite: `element` says where in the file it would have been.
+/// The error of an output with a number that is not finite: `element` says where in the file it
+/// would have been.
 pub fn refused(file: &Path, element: impl Into<String>, value: f64) -> Error {
     Error::NotFinite { path: file.to_path_buf(), element: element.into(), value, remedy: REMEDY.into() }
 }
@@ -61,7 +64,8 @@ pub fn is_finite(image: &Image) -> bool {
     }
 }
 
-/// Fails if `image`, made out of other pictures, has a sample that is not finite where those have none (`sources_are`): pictures of depth, say, have such samples for what
+/// Fails if `image`, made out of other pictures, has a sample that is not finite where those have
+/// none (`sources_are`): pictures of depth, say, have such samples for what
 /// is infinitely far.
 ///
 /// # Errors

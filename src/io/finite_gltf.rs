@@ -10,7 +10,8 @@ use crate::Result;
 /// `componentType` of single precision numbers.
 const FLOAT: u64 = 5126;
 
-/// Fails if an accessor of a GLB file holds a single precision number that is not finite. Bytes that are no GLB file pass.
+/// Fails if an accessor of a GLB file holds a single precision number that is not finite. Bytes
+/// that are no GLB file pass.
 ///
 /// # Errors
 /// [`crate::Error::NotFinite`] naming the accessor, what it is and the element.

@@ -144,7 +144,8 @@ pub fn animated_glb_bytes(
     Ok((bytes, report))
 }
 
-/// The change of a corner's `normal` where the smooth one of its vertex changes from `rest` by `change`: both turn by
+/// The change of a corner's `normal` where the smooth one of its vertex changes from `rest` by
+/// `change`: both turn by
 /// the same least rotation.
 fn turned(normal: Vec3, rest: Vec3, change: Vec3) -> Vec3 {
     let after = (rest + change).try_normalize();
@@ -297,7 +298,8 @@ fn channels(animation: &GlbAnimation<'_>, targets: &Components, root: &mut Value
     }
 }
 
-/// Gives the offset of the mesh's node to a node above it, so that the node itself may be animated; the offset.
+/// Gives the offset of the mesh's node to a node above it, so that the node itself may be animated;
+/// the offset.
 fn set_apart(root: &mut Value) -> DVec3 {
     let offset = root["nodes"][0].as_object_mut().and_then(|n| n.remove("translation"));
     let Some(offset) = offset else { return DVec3::ZERO };

@@ -257,7 +257,8 @@ impl Document {
         let (byte_count, path) = (bytes.len(), path.to_owned());
         let mut document = Self { json, root, buffers: Vec::new(), byte_count, path };
         document.check_extensions()?;
-        // The same file again is the same buffer: a list of one file a million times is not loaded a million times.
+        // The same file again is the same buffer: a list of one file a million times is not loaded
+        // a million times.
         let mut files: HashMap<String, Bytes> = HashMap::new();
         for k in 0..document.root.buffers.len() {
             let loaded = match document.root.buffers[k].uri.as_deref() {

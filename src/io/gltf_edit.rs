@@ -1,8 +1,11 @@
 //! Changing a glTF document: what is not changed is written as it was.
 //!
-//! Nodes, meshes, primitives, materials and accessors keep their numbers, so that everything that refers to them, known
-//! here or not, stays right. What is replaced takes the place of what it replaces, unless something else uses that,
-//! too. The output is one binary chunk: the buffers' parts that are still used, in file order, then what is new.
+//! Nodes, meshes, primitives, materials and accessors keep their numbers, so that everything that
+//! refers to them, known
+//! here or not, stays right. What is replaced takes the place of what it replaces, unless something
+//! else uses that,
+//! too. The output is one binary chunk: the buffers' parts that are still used, in file order, then
+//! what is new.
 
 use serde_json::{Map, Value, json};
 
@@ -88,7 +91,8 @@ impl<'a> Edit<'a> {
         self.views.len() - 1
     }
 
-    /// Puts new elements in the place of accessor `old`, or adds one where others use that; its number.
+    /// Puts new elements in the place of accessor `old`, or adds one where others use that; its
+    /// number.
     pub(super) fn replace(&mut self, old: Option<usize>, new: &Elements<'_>) -> usize {
         let width = new.bytes.len() / new.count.max(1);
         // Attributes of vertices begin at multiples of four bytes.
@@ -108,7 +112,8 @@ impl<'a> Edit<'a> {
         self.put(old, value)
     }
 
-    /// Puts a description in the place of accessor `old`, or adds it where others use that; its number.
+    /// Puts a description in the place of accessor `old`, or adds it where others use that; its
+    /// number.
     pub(super) fn put(&mut self, old: Option<usize>, mut value: Value) -> usize {
         let accessors = list_of(&mut self.json, "accessors");
         if let Some(k) = old.filter(|&k| self.users.get(k) == Some(&1)) {
@@ -128,7 +133,8 @@ impl<'a> Edit<'a> {
         accessors.len() - 1
     }
 
-    /// Puts numbers in the place of accessor `old` of `shape`, in its own bytes where that can be; its number.
+    /// Puts numbers in the place of accessor `old` of `shape`, in its own bytes where that can be;
+    /// its number.
     pub(super) fn floats(&mut self, old: Option<usize>, values: &[f32], shape: &str, bounds: bool) -> Result<usize> {
         let width = match shape {
             "VEC2" => 2,
@@ -182,7 +188,8 @@ impl<'a> Edit<'a> {
         }
     }
 
-    /// The view, offset and stride of an accessor of `width` bytes an element in single precision, if nothing else has
+    /// The view, offset and stride of an accessor of `width` bytes an element in single precision,
+    /// if nothing else has
     /// a part in its bytes.
     fn own_bytes(&self, k: usize, width: usize) -> Result<Option<(usize, usize, usize)>> {
         let Some(accessor) = self.document.root.accessors.get(k) else { return Ok(None) };

@@ -1,4 +1,5 @@
-//! New materials for the meshes of a scene: those of the file with the textures that are new, and what goes with them.
+//! New materials for the meshes of a scene: those of the file with the textures that are new, and
+//! what goes with them.
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::sync::Arc;
@@ -25,11 +26,14 @@ struct Group {
     triangles: Vec<[u32; 3]>,
 }
 
-/// Dresses the triangles `t` of the mesh in `materials[of[t]]`; those whose entry is beyond the list keep what they
+/// Dresses the triangles `t` of the mesh in `materials[of[t]]`; those whose entry is beyond the
+/// list keep what they
 /// have.
 ///
-/// A material of the file keeps what is not replaced: textures in other roles, factors that go with them, extensions.
-/// Where all that use it change alike, it is changed in its place; so are textures that nothing uses any more.
+/// A material of the file keeps what is not replaced: textures in other roles, factors that go with
+/// them, extensions.
+/// Where all that use it change alike, it is changed in its place; so are textures that nothing
+/// uses any more.
 pub(super) fn set_materials(
     edit: &mut Edit<'_>,
     scene: &GltfScene,

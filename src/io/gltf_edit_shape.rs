@@ -1,4 +1,5 @@
-//! A new shape for the meshes of a scene: positions, normals and tangents go back to the pose in which they are stored.
+//! A new shape for the meshes of a scene: positions, normals and tangents go back to the pose in
+//! which they are stored.
 
 use glam::{DMat3, DVec3};
 
@@ -18,7 +19,8 @@ struct Before {
     shown: Vec<DVec3>,
 }
 
-/// Gives the scene the positions and normals of `mesh`, which is the one that was read from it, in another shape.
+/// Gives the scene the positions and normals of `mesh`, which is the one that was read from it, in
+/// another shape.
 ///
 /// What is equal to what was read keeps its bytes. Tangents turn with the triangles around them.
 pub(super) fn set_shape(edit: &mut Edit<'_>, scene: &GltfScene, mesh: &Mesh) -> Result<()> {
@@ -98,7 +100,8 @@ impl Before {
         })
     }
 
-    /// Tangents, turned by the mean over the triangles around a vertex of what takes their old edges to their new ones.
+    /// Tangents, turned by the mean over the triangles around a vertex of what takes their old
+    /// edges to their new ones.
     fn tangents(&self, old: &[f64], new: &[DVec3], elements: &[[u32; 3]]) -> Vec<f32> {
         let mut turned = vec![DVec3::ZERO; new.len()];
         let unit = |t: &[DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]).try_normalize();

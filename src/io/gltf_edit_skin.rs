@@ -1,4 +1,5 @@
-//! A skin for the meshes of a scene: joints of this or of another file, and how far each vertex follows them.
+//! A skin for the meshes of a scene: joints of this or of another file, and how far each vertex
+//! follows them.
 
 use std::collections::{BTreeSet, HashMap};
 
@@ -28,7 +29,8 @@ pub struct SkinWeights<'w> {
     pub sets: usize,
 }
 
-/// Binds the meshes of a scene to joints, in the pose in which both are shown: the shape stays what it is.
+/// Binds the meshes of a scene to joints, in the pose in which both are shown: the shape stays what
+/// it is.
 pub(super) fn set_skin(edit: &mut Edit<'_>, scene: &GltfScene, skin: &SkinWeights<'_>) -> Result<()> {
     let rig = &skin.rig.document;
     let globals = global_transforms(rig)?;
@@ -152,7 +154,8 @@ fn add_skin(edit: &mut Edit<'_>, node: usize, joints: &[usize], binds: &[f32]) -
     }
 }
 
-/// What takes the stored positions of a part to those shown. Where that differs from vertex to vertex, the positions
+/// What takes the stored positions of a part to those shown. Where that differs from vertex to
+/// vertex, the positions
 /// that are shown are stored.
 fn stand(edit: &mut Edit<'_>, scene: &GltfScene, part: &Part, globals: &[DMat4]) -> Result<DMat4> {
     let document = &scene.document;

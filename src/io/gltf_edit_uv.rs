@@ -1,4 +1,5 @@
-//! New texture coordinates for the meshes of a scene. A vertex with several becomes several vertices, each with all that
+//! New texture coordinates for the meshes of a scene. A vertex with several becomes several
+//! vertices, each with all that
 //! the one had: normals, tangents, colours, joints, weights and morph targets.
 
 use std::collections::HashMap;
@@ -68,7 +69,8 @@ pub(super) fn set_texcoords(
     Ok(all)
 }
 
-/// The texture coordinates of the mesh at the corners of a part's triangles, in the order of the file.
+/// The texture coordinates of the mesh at the corners of a part's triangles, in the order of the
+/// file.
 fn wanted(mesh: &Mesh, part: &Part) -> Vec<[Option<DVec2>; 3]> {
     let triangles = part.first_triangle..part.first_triangle + part.triangles;
     let corners = |t: usize| {
@@ -79,7 +81,8 @@ fn wanted(mesh: &Mesh, part: &Part) -> Vec<[Option<DVec2>; 3]> {
     triangles.map(corners).collect()
 }
 
-/// The set for new coordinates: that of the old ones, or one more where textures that stay need those.
+/// The set for new coordinates: that of the old ones, or one more where textures that stay need
+/// those.
 fn free_set(edit: &mut Edit<'_>, part: &Part, primitive: &Primitive, keep: KeepTextures<'_>) -> usize {
     let set = part.placement.set;
     let Some(material) = primitive.material else { return set };
@@ -122,7 +125,8 @@ pub(super) fn textures(value: &Value, key: &str, visit: &mut dyn FnMut(&str, &Va
     entries.iter().filter(|(key, _)| *key != "extras").for_each(|(key, v)| textures(v, key, visit));
 }
 
-/// The role of a texture by its place in a material; the place itself where it is none of the known.
+/// The role of a texture by its place in a material; the place itself where it is none of the
+/// known.
 fn role(key: &str) -> &str {
     match key {
         "baseColorTexture" => "base_color",
@@ -142,7 +146,8 @@ fn texture_set(info: &Value) -> usize {
 
 /// The vertices of a part with one texture coordinate each.
 struct Split {
-    /// For each vertex the one of the file that it comes from; those of the file come first, in their order.
+    /// For each vertex the one of the file that it comes from; those of the file come first, in
+    /// their order.
     sources: Vec<u32>,
     texcoords: Vec<[f32; 2]>,
     elements: Vec<[u32; 3]>,

@@ -29,7 +29,8 @@ pub(super) fn refusal(name: &str) -> (String, &'static str) {
     (format!("the file needs the extension {name:?}, which is not read"), "Export it without that extension")
 }
 
-/// The extensions among `used` whose part of the picture is not read; one sentence, if there are any.
+/// The extensions among `used` whose part of the picture is not read; one sentence, if there are
+/// any.
 pub(super) fn note<'a>(used: impl IntoIterator<Item = &'a String>) -> Option<String> {
     let names: Vec<&str> = used.into_iter().map(String::as_str).filter(|n| changes_the_picture(n)).collect();
     (!names.is_empty()).then(|| format!("what these extensions add to the picture is not read: {}", names.join(", ")))

@@ -7,7 +7,8 @@ use super::gltf_document::Document;
 /// What views begin at multiples of, whatever they hold.
 pub(super) const ALIGNED: usize = 8;
 
-/// Where the used parts of the file's buffers are in the output: each byte once, however many views share it.
+/// Where the used parts of the file's buffers are in the output: each byte once, however many views
+/// share it.
 pub(super) struct Layout {
     /// Buffer, part of it, and where it is.
     pieces: Vec<(usize, Range<usize>, usize)>,

@@ -1,4 +1,5 @@
-//! The materials of a glTF file: factors, and textures by role with the way they lie on the surface.
+//! The materials of a glTF file: factors, and textures by role with the way they lie on the
+//! surface.
 
 use std::collections::hash_map::{Entry, HashMap};
 use std::sync::Arc;

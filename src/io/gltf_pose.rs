@@ -1,9 +1,14 @@
-//! The pose in which viewers show a mesh: morph targets at their default weights, then the skin, or the node.
+//! The pose in which viewers show a mesh: morph targets at their default weights, then the skin, or
+//! the node.
 //!
-//! A vertex with stored position p is shown at M (p + sum of w_k d_k): d_k is its displacement by morph target k, w_k
-//! the default weight, M the transform of the node or, with a skin, the sum of joint transforms x inverse bind
-//! matrices by the vertex's weights (glTF 2.0, sections 3.7.2.2 and 3.7.3). Weights are divided by their sum, as
-//! viewers do; a vertex whose weights are all zero follows its first joint. Animations are not applied.
+//! A vertex with stored position p is shown at M (p + sum of w_k d_k): d_k is its displacement by
+//! morph target k, w_k
+//! the default weight, M the transform of the node or, with a skin, the sum of joint transforms x
+//! inverse bind
+//! matrices by the vertex's weights (glTF 2.0, sections 3.7.2.2 and 3.7.3). Weights are divided by
+//! their sum, as
+//! viewers do; a vertex whose weights are all zero follows its first joint. Animations are not
+//! applied.
 
 use glam::{DMat3, DMat4, DVec3};
 
@@ -33,7 +38,8 @@ pub(super) struct Skinning {
 /// The pose of a primitive.
 pub(super) struct Pose {
     pub(super) transform: Transform,
-    /// Whether triangles are turned over: by the node's transform, with a skin, too (glTF 2.0, section 3.7.4).
+    /// Whether triangles are turned over: by the node's transform, with a skin, too (glTF 2.0,
+    /// section 3.7.4).
     pub(super) reflects: bool,
     /// Displacements by morph targets, before the placement; empty for none.
     shifts: Vec<DVec3>,
@@ -42,7 +48,8 @@ pub(super) struct Pose {
 }
 
 impl Pose {
-    /// The pose of `primitive`, whose mesh stands at `node`, with `count` vertices; `globals` are the transforms of all
+    /// The pose of `primitive`, whose mesh stands at `node`, with `count` vertices; `globals` are
+    /// the transforms of all
     /// nodes.
     pub(super) fn new(
         document: &Document,
@@ -55,7 +62,8 @@ impl Pose {
         let transform = match document.root.nodes[node].skin {
             Some(skin) => match Skinning::new(document, globals, skin, primitive, count, notes)? {
                 Some(skinning) => Transform::Skinned(skinning),
-                // Without weights there is nothing to blend: the node's own transform is all there is.
+                // Without weights there is nothing to blend: the node's own transform is all there
+                // is.
                 None => Transform::Rigid(globals[node]),
             },
             None => Transform::Rigid(globals[node]),
@@ -89,7 +97,8 @@ impl Pose {
         (normal_matrix(&self.matrix(v)) * n).normalize_or_zero()
     }
 
-    /// The stored position of vertex `v` that is shown at `p`; `None` where its transform has no inverse.
+    /// The stored position of vertex `v` that is shown at `p`; `None` where its transform has no
+    /// inverse.
     pub(super) fn stored(&self, v: usize, p: DVec3) -> Option<DVec3> {
         let stored = inverse(&self.matrix(v))?.transform_point3(p) - self.shift(v);
         stored.is_finite().then_some(stored)
@@ -114,7 +123,8 @@ pub(super) fn inverse(matrix: &DMat4) -> Option<DMat4> {
     (linear.determinant().abs() > 1e-9 * size).then(|| matrix.inverse())
 }
 
-/// What turns normals: the cofactors, which are the inverse transposed up to scale and are there for singular matrices,
+/// What turns normals: the cofactors, which are the inverse transposed up to scale and are there
+/// for singular matrices,
 /// too. Reflections keep normals outside.
 fn normal_matrix(matrix: &DMat4) -> DMat3 {
     let m = DMat3::from_mat4(*matrix);

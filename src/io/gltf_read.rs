@@ -1,15 +1,22 @@
 //! glTF 2.0 and GLB, read as one mesh.
 //!
-//! The meshes of the default scene are taken in the order of the file's list of meshes, each once: at the first node that
-//! shows it (depth first); a note names the others. They stand in the pose that viewers show (`gltf_pose`).
+//! The meshes of the default scene are taken in the order of the file's list of meshes, each once:
+//! at the first node that
+//! shows it (depth first); a note names the others. They stand in the pose that viewers show
+//! (`gltf_pose`).
 //!
-//! **A vertex number is the one in the file**: numbers run through the elements of the position accessor of each
-//! primitive of triangles, primitive after primitive, used or not; an accessor that two primitives share counts for
-//! each of them. glTF repeats a vertex along the seams of texture coordinates and normals, which would cut the
-//! surface: vertices of a mesh are joined along open edges ([`crate::geometry::weld`]), unless a morph target or a joint
+//! **A vertex number is the one in the file**: numbers run through the elements of the position
+//! accessor of each
+//! primitive of triangles, primitive after primitive, used or not; an accessor that two primitives
+//! share counts for
+//! each of them. glTF repeats a vertex along the seams of texture coordinates and normals, which
+//! would cut the
+//! surface: vertices of a mesh are joined along open edges ([`crate::geometry::weld`]), unless a
+//! morph target or a joint
 //! parts them.
 //!
-//! Normals are kept, one for each vertex. Texture coordinates are those that the material's base colour uses, or the
+//! Normals are kept, one for each vertex. Texture coordinates are those that the material's base
+//! colour uses, or the
 //! set that [`ReadOptions`] name; turned to the OBJ convention (v = 1 is the top of the picture).
 
 use std::collections::HashMap;
@@ -229,7 +236,8 @@ impl SceneReader<'_> {
     }
 }
 
-/// The triangles of a primitive of `count` vertices, strips and fans cut up, as the file turns them.
+/// The triangles of a primitive of `count` vertices, strips and fans cut up, as the file turns
+/// them.
 pub(super) fn triangle_elements(document: &Document, primitive: &Primitive, count: usize) -> Result<Vec<[u32; 3]>> {
     let indices: Vec<u32> = match primitive.indices {
         Some(accessor) => {
@@ -252,7 +260,8 @@ pub(super) fn triangle_elements(document: &Document, primitive: &Primitive, coun
     Ok((0..triangles).map(|t| corners(t).map(|k| indices[k])).collect())
 }
 
-/// Classes of vertices: those of one class are of one mesh and have equal stored positions and morph targets.
+/// Classes of vertices: those of one class are of one mesh and have equal stored positions and
+/// morph targets.
 #[derive(Default)]
 struct Classes {
     /// The class of a mesh or class, and a stored position or displacement by a morph target.
@@ -279,7 +288,8 @@ impl Classes {
     }
 }
 
-/// Which texture coordinates of the file the mesh has. How pictures lie on them is said by the materials.
+/// Which texture coordinates of the file the mesh has. How pictures lie on them is said by the
+/// materials.
 #[derive(Debug)]
 pub(super) struct Placement {
     pub(super) set: usize,

@@ -59,7 +59,8 @@ impl Sample {
         super::gltf_container::container("sample", json.to_string().into_bytes(), &self.binary).unwrap()
     }
 
-    /// A grid of `n` x `n` squares in the unit square, its seam at `seam` columns: attributes and indices.
+    /// A grid of `n` x `n` squares in the unit square, its seam at `seam` columns: attributes and
+    /// indices.
     fn grid(&mut self, n: usize, height: f32) -> (Value, Vec<[f32; 3]>) {
         let at = |k: usize| ((k % (n + 1)) as f32 / n as f32, (k / (n + 1)) as f32 / n as f32);
         let all: Vec<(f32, f32)> = (0..(n + 1) * (n + 1)).map(at).collect();
@@ -212,7 +213,8 @@ pub(super) fn quantized() -> Sample {
     s
 }
 
-/// One interleaved buffer with positions, normals, tangents and colours, as a strip without indices.
+/// One interleaved buffer with positions, normals, tangents and colours, as a strip without
+/// indices.
 pub(super) fn interleaved() -> Sample {
     let mut s = Sample::new();
     let mut bytes = Vec::new();
@@ -247,7 +249,8 @@ pub(super) fn interleaved() -> Sample {
     s
 }
 
-/// Two textured materials with a transform, factors, extensions and variants; one is used by two primitives.
+/// Two textured materials with a transform, factors, extensions and variants; one is used by two
+/// primitives.
 pub(super) fn dressed() -> Sample {
     let mut s = Sample::new();
     let mut primitives = Vec::new();
@@ -290,7 +293,8 @@ pub(super) fn shared() -> Sample {
     s
 }
 
-/// Two sets of texture coordinates and dense morph targets with normals, at weights other than zero.
+/// Two sets of texture coordinates and dense morph targets with normals, at weights other than
+/// zero.
 pub(super) fn morphed() -> Sample {
     let mut s = Sample::new();
     let (mut primitive, positions) = s.grid(3, 0.0);

@@ -1,4 +1,5 @@
-//! A glTF file kept beside the mesh that was read from it, so that what is written has all that the file had.
+//! A glTF file kept beside the mesh that was read from it, so that what is written has all that the
+//! file had.
 
 use glam::DVec3;
 
@@ -19,7 +20,8 @@ pub use super::gltf_edit_uv::KeepTextures;
 
 /// The scene of a glTF file, and which of its vertices and triangles those of the mesh are.
 ///
-/// The triangles of a part are those of its primitive in file order, its vertices the elements of the primitive's
+/// The triangles of a part are those of its primitive in file order, its vertices the elements of
+/// the primitive's
 /// accessors.
 #[derive(Debug)]
 pub struct GltfScene {
@@ -69,7 +71,8 @@ impl GltfScene {
         SceneEdit { scene: self, edit: Edit::new(&self.document) }
     }
 
-    /// The largest extent of the stored positions of a primitive, in the units of the scene, roughly.
+    /// The largest extent of the stored positions of a primitive, in the units of the scene,
+    /// roughly.
     pub(super) fn size(&self) -> Result<f64> {
         let globals = super::gltf_nodes::global_transforms(&self.document)?;
         let mut size = 0.0_f64;
@@ -102,8 +105,10 @@ impl GltfScene {
 }
 
 impl SceneEdit<'_> {
-    /// Positions and normals are those of `mesh`, the one that was read from the file in another shape. They go back to
-    /// the pose in which the file stores them; what did not move keeps its bytes. Joined vertices need positions of
+    /// Positions and normals are those of `mesh`, the one that was read from the file in another
+    /// shape. They go back to
+    /// the pose in which the file stores them; what did not move keeps its bytes. Joined vertices
+    /// need positions of
     /// their own ([`Mesh::spread`]).
     ///
     /// # Errors
@@ -113,7 +118,8 @@ impl SceneEdit<'_> {
         set_shape(&mut self.edit, self.scene, mesh)
     }
 
-    /// Texture coordinates are those of `mesh`, the one that was read from the file with other coordinates.
+    /// Texture coordinates are those of `mesh`, the one that was read from the file with other
+    /// coordinates.
     ///
     /// # Errors
     /// [`Error::Mesh`] for another mesh.
@@ -122,8 +128,10 @@ impl SceneEdit<'_> {
         set_texcoords(&mut self.edit, self.scene, mesh, keep).map(|_| ())
     }
 
-    /// Materials are those of the file with the textures of `materials`, and the factors that go with them; `of` names
-    /// the entry for each triangle of `mesh`, whose texture coordinates they use. Triangles whose entry is beyond the
+    /// Materials are those of the file with the textures of `materials`, and the factors that go
+    /// with them; `of` names
+    /// the entry for each triangle of `mesh`, whose texture coordinates they use. Triangles whose
+    /// entry is beyond the
     /// list keep what they have.
     ///
     /// # Errors
@@ -140,11 +148,13 @@ impl SceneEdit<'_> {
         Ok(())
     }
 
-    /// Vertices follow joints: the shape stays as it is shown, and moves with the joints from there. A skin that the file
+    /// Vertices follow joints: the shape stays as it is shown, and moves with the joints from
+    /// there. A skin that the file
     /// has is replaced.
     ///
     /// # Errors
-    /// [`Error::Format`] for damage, or a joint that flattens space; [`Error::Input`] for other numbers of vertices or
+    /// [`Error::Format`] for damage, or a joint that flattens space; [`Error::Input`] for other
+    /// numbers of vertices or
     /// weights.
     pub fn skin(&mut self, skin: &SkinWeights<'_>) -> Result<()> {
         let vertices = self.scene.parts.last().map_or(0, |p| p.first_vertex + p.vertices);
@@ -161,7 +171,8 @@ impl SceneEdit<'_> {
     /// The bytes of the file as GLB, and what the user should know of it.
     ///
     /// # Errors
-    /// [`Error::Format`] for damage in parts that were not read before; [`Error::Mesh`] beyond the format's 4 GiB.
+    /// [`Error::Format`] for damage in parts that were not read before; [`Error::Mesh`] beyond the
+    /// format's 4 GiB.
     pub fn finish(self) -> Result<(Vec<u8>, Vec<String>)> {
         self.edit.finish()
     }

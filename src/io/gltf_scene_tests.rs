@@ -86,7 +86,8 @@ fn independent(bytes: &[u8]) -> Vec<DVec3> {
     all
 }
 
-/// The JSON with the data in the place of references to accessors and pictures: all that a file says.
+/// The JSON with the data in the place of references to accessors and pictures: all that a file
+/// says.
 fn expanded(bytes: &[u8]) -> Value {
     let document = Document::parse(bytes.to_vec(), Path::new("sample.glb")).unwrap();
     let data = |k: &Value| -> Value {

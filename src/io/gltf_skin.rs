@@ -11,14 +11,17 @@ use crate::Result;
 pub struct SkinTable {
     /// The node of each joint in the file.
     pub joints: Vec<usize>,
-    /// The name of each joint: that of its node, with the node's number where names repeat or are missing.
+    /// The name of each joint: that of its node, with the node's number where names repeat or are
+    /// missing.
     pub names: Vec<String>,
-    /// A weight for each joint, vertex after vertex; those of a vertex sum to one, or are all zero where it has none.
+    /// A weight for each joint, vertex after vertex; those of a vertex sum to one, or are all zero
+    /// where it has none.
     pub weights: Vec<f64>,
 }
 
 impl GltfScene {
-    /// The weights by which the vertices of the mesh follow joints; `None` for a file without skins.
+    /// The weights by which the vertices of the mesh follow joints; `None` for a file without
+    /// skins.
     ///
     /// Joints come in the order of the skins, each once. O(vertices x joints) memory.
     ///

@@ -1,4 +1,5 @@
-//! The vertices of a mesh as glTF has them: one for each combination of position, texture coordinate and normal.
+//! The vertices of a mesh as glTF has them: one for each combination of position, texture
+//! coordinate and normal.
 
 use std::collections::HashMap;
 
@@ -26,7 +27,8 @@ pub(super) struct Split {
 }
 
 impl Split {
-    /// The triangles that are `wanted`; `smooth` are the normals of vertices whose corners have none.
+    /// The triangles that are `wanted`; `smooth` are the normals of vertices whose corners have
+    /// none.
     pub(super) fn new(mesh: &Mesh, smooth: &[DVec3], wanted: impl Fn(usize) -> bool) -> Self {
         let mut index = HashMap::new();
         let mut split = Self { vertices: Vec::new(), indices: Vec::new(), textured: false };
@@ -93,14 +95,17 @@ impl Split {
     }
 }
 
-/// Distances from the origin, in sizes of the mesh, up to which positions are written as they are: four bits of single
+/// Distances from the origin, in sizes of the mesh, up to which positions are written as they are:
+/// four bits of single
 /// precision.
 const NEAR: f64 = 16.0;
 
-/// What is subtracted from positions before they become single precision: zero unless the mesh lies far from the
+/// What is subtracted from positions before they become single precision: zero unless the mesh lies
+/// far from the
 /// origin.
 ///
-/// It is a multiple of a power of two above the mesh's size, so that the subtraction is exact, and the differences
+/// It is a multiple of a power of two above the mesh's size, so that the subtraction is exact, and
+/// the differences
 /// need the bits of the mesh's own size only.
 pub(super) fn origin(mesh: &Mesh) -> DVec3 {
     let Some((low, high)) = mesh.bounds() else { return DVec3::ZERO };

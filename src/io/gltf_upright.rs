@@ -1,4 +1,5 @@
-//! Binary glTF from meshes that are z up: the format is y up, so a node above each root turns what is below it.
+//! Binary glTF from meshes that are z up: the format is y up, so a node above each root turns what
+//! is below it.
 
 use std::borrow::Cow;
 
@@ -10,7 +11,8 @@ use crate::{Error, Result};
 /// Bytes of the container's header and of the header of its first chunk.
 const HEAD: usize = 20;
 
-/// `glb` with everything in it turned to y up; positions, animations and skins stay as they are. With y up already, it is returned as it is.
+/// `glb` with everything in it turned to y up; positions, animations and skins stay as they are.
+/// With y up already, it is returned as it is.
 ///
 /// # Errors
 /// [`Error::Input`] if it is not the content of a GLB file, or would exceed the format's 4 GiB.
@@ -41,7 +43,8 @@ pub fn turned_upright(glb: &[u8], up: UpAxis) -> Result<Cow<'_, [u8]>> {
     Ok(out.into())
 }
 
-/// Puts a node above each root of the scenes. Roots that scenes share keep one node above them: a node has one parent.
+/// Puts a node above each root of the scenes. Roots that scenes share keep one node above them: a
+/// node has one parent.
 fn turn(document: &mut Value, up: UpAxis) {
     let rotation = up.to_y().to_array();
     let mut above: Vec<(u64, u64)> = Vec::new();

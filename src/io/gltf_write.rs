@@ -34,10 +34,13 @@ pub struct GlbMaterial {
 
 /// Writes `mesh` as a binary glTF 2.0 file.
 ///
-/// Corners keep their normals, so that hard edges stay hard; those without one get the smooth normal of their vertex.
+/// Corners keep their normals, so that hard edges stay hard; those without one get the smooth
+/// normal of their vertex.
 /// `materials[k]` is used by the polygons with material `k`; polygons without one, or beyond the list, use the first. With one entry the whole mesh
-/// uses it. Vertices are repeated along texture seams and hard edges, as the format asks; unused ones and triangles that
-/// repeat a vertex are left out. Positions become single precision; a mesh far from the origin is written around it,
+/// uses it. Vertices are repeated along texture seams and hard edges, as the format asks; unused
+/// ones and triangles that
+/// repeat a vertex are left out. Positions become single precision; a mesh far from the origin is
+/// written around it,
 /// and its node has the offset in double precision.
 ///
 /// # Errors
@@ -105,7 +108,8 @@ pub(super) fn glb_with(
     glb_of(mesh, materials, |t| mesh.triangle_material(t), targets, finish)
 }
 
-/// The scene that [`write_glb`] makes of a mesh, to be changed before it is written, and for each of its vertices the one
+/// The scene that [`write_glb`] makes of a mesh, to be changed before it is written, and for each
+/// of its vertices the one
 /// of `mesh`.
 ///
 /// # Errors

@@ -3,7 +3,8 @@
 //! A picture stays in memory as the file stores it: its channels, and 8-bit, 16-bit or float samples. Values are the stored ones; no colour
 //! space is applied. Row 0 is the top.
 //!
-//! Photos are turned as their orientation says, so that places in them are those that a viewer shows. What else a file
+//! Photos are turned as their orientation says, so that places in them are those that a viewer
+//! shows. What else a file
 //! tells of its picture is [`Metadata`], which is written with what becomes of it.
 
 mod cmyk;
@@ -57,9 +58,11 @@ struct Decoded {
     notes: Vec<String>,
 }
 
-/// Reads a picture upright, as viewers show it; the format is told by the content. Palettes are expanded, 1, 2 and 4 bits become 8.
+/// Reads a picture upright, as viewers show it; the format is told by the content. Palettes are
+/// expanded, 1, 2 and 4 bits become 8.
 ///
-/// Behind the name of an OpenEXR file a layer or channel may stand: `render.exr:ViewLayer.Combined`.
+/// Behind the name of an OpenEXR file a layer or channel may stand:
+/// `render.exr:ViewLayer.Combined`.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Format`] if the file is damaged, of another kind, empty, or declares a size that its bytes cannot hold.
@@ -72,7 +75,8 @@ pub fn read_picture(path: impl AsRef<Path>) -> Result<Picture> {
     Ok(Picture { image: orientation.upright(decoded.image), metadata: decoded.metadata, notes: decoded.notes })
 }
 
-/// [`read_picture`] for the texture of a mesh: as it is stored, whatever orientation the file tells, because texture coordinates are those
+/// [`read_picture`] for the texture of a mesh: as it is stored, whatever orientation the file
+/// tells, because texture coordinates are those
 /// of the stored pixels to most renderers. A note says so where it makes a difference.
 ///
 /// # Errors
@@ -95,7 +99,8 @@ pub fn read_image(path: impl AsRef<Path>) -> Result<Image> {
     Ok(read_picture(path)?.image)
 }
 
-/// Decodes the bytes of a picture file (an embedded texture, for example) as they are stored; `name` stands in messages.
+/// Decodes the bytes of a picture file (an embedded texture, for example) as they are stored;
+/// `name` stands in messages.
 ///
 /// # Errors
 /// As [`read_image`].
@@ -108,7 +113,8 @@ fn read(path: &Path) -> Result<Decoded> {
     decode(&source::read_all(&file)?, &file, layer.as_deref())
 }
 
-/// The file and the layer of a name like `render.exr:ViewLayer.Combined`, unless a file has that name.
+/// The file and the layer of a name like `render.exr:ViewLayer.Combined`, unless a file has that
+/// name.
 fn layer_of(path: &Path) -> (PathBuf, Option<String>) {
     if let Some(text) = path.to_str()
         && let Some(at) = text.to_ascii_lowercase().rfind(".exr:")
@@ -146,10 +152,12 @@ fn too_large(width: u64, height: u64, bytes: usize) -> String {
     format!("the declared size {width} x {height} does not fit a file of {bytes} bytes")
 }
 
-/// Writes a picture in the format of the file's extension (`png`, `jpg`, `tif`, `exr`, `webp`, `tga`, `bmp`, `qoi`), whole or not at all.
+/// Writes a picture in the format of the file's extension (`png`, `jpg`, `tif`, `exr`, `webp`,
+/// `tga`, `bmp`, `qoi`), whole or not at all.
 ///
 /// Channels and depth are kept where the format has them. Otherwise: float becomes 16-bit in PNG; everything becomes 8-bit without alpha in
-/// JPEG (quality 95), 8-bit in WebP (lossless), TGA, BMP and QOI; OpenEXR is float. [`write_picture`] says what that changes.
+/// JPEG (quality 95), 8-bit in WebP (lossless), TGA, BMP and QOI; OpenEXR is float.
+/// [`write_picture`] says what that changes.
 ///
 /// # Errors
 /// [`Error::Option`] on another extension; [`Error::Io`].
@@ -157,9 +165,11 @@ pub fn write_image(image: &Image, path: impl AsRef<Path>) -> Result<()> {
     write_picture(image, &Metadata::default(), path).map(drop)
 }
 
-/// [`write_image`] with what is told of the picture; returns sentences on what the format has no place for, without the name of the file.
+/// [`write_image`] with what is told of the picture; returns sentences on what the format has no
+/// place for, without the name of the file.
 ///
-/// Sizes in the EXIF data become those of the picture, the orientation normal, and a thumbnail is left out.
+/// Sizes in the EXIF data become those of the picture, the orientation normal, and a thumbnail is
+/// left out.
 ///
 /// # Errors
 /// As [`write_image`].

@@ -1,7 +1,9 @@
 //! Finding the files that a file refers to.
 //!
-//! References come from other machines: with other separators, letter cases, folders and encodings, as absolute paths
-//! or URLs. A reference is looked up as it is written first. Where nothing is there, the end of its path is looked
+//! References come from other machines: with other separators, letter cases, folders and encodings,
+//! as absolute paths
+//! or URLs. A reference is looked up as it is written first. Where nothing is there, the end of its
+//! path is looked
 //! for beside the referring file, and the caller tells where it was found.
 
 use std::ffi::OsString;
@@ -111,7 +113,8 @@ fn raw(_name: &[u8]) -> Option<OsString> {
     None
 }
 
-/// The bytes of a path for a text file: as they are where the file system has names of bytes. Separators are `/`.
+/// The bytes of a path for a text file: as they are where the file system has names of bytes.
+/// Separators are `/`.
 pub(crate) fn path_bytes(path: &Path) -> Vec<u8> {
     #[cfg(unix)]
     {
@@ -142,7 +145,8 @@ fn components(path: &str) -> Vec<String> {
     path.split(['/', '\\']).filter(kept).map(str::to_owned).collect()
 }
 
-/// The file below `folder` that `parts` name, with letter case passed over where nothing is there otherwise.
+/// The file below `folder` that `parts` name, with letter case passed over where nothing is there
+/// otherwise.
 fn descend(folder: &Path, parts: &[String]) -> Option<PathBuf> {
     let (last, folders) = parts.split_last()?;
     let mut at = folder.to_path_buf();
@@ -161,7 +165,8 @@ fn descend(folder: &Path, parts: &[String]) -> Option<PathBuf> {
     Some(at.join(alike(&at, last)?)).filter(|found| found.is_file())
 }
 
-/// The first entry of a folder, in the order of names, that differs from `name` by letter case alone.
+/// The first entry of a folder, in the order of names, that differs from `name` by letter case
+/// alone.
 fn alike(folder: &Path, name: &str) -> Option<OsString> {
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let wanted = name.to_lowercase();

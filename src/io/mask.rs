@@ -17,8 +17,10 @@ const REMEDY: &str =
 
 /// Reads shares of `meshes` meshes (two or more) at `vertex_count` vertices: one entry a mesh, vertex by vertex, summing to one.
 ///
-/// A text file has a line for every vertex with the shares of the second mesh and, if there are more, of the following ones (from 0 to 1, a
-/// [`Table`] without header; `#` begins a comment). A PLY file has a vertex property `mask`, `weight`, `quality`, `scalar` or `value` with the share of the second mesh, or
+/// A text file has a line for every vertex with the shares of the second mesh and, if there are
+/// more, of the following ones (from 0 to 1, a
+/// [`Table`] without header; `#` begins a comment). A PLY file has a vertex property `mask`,
+/// `weight`, `quality`, `scalar` or `value` with the share of the second mesh, or
 /// vertex colours: for two meshes white is the second one, for three and four red, green and blue are the second, third and fourth.
 ///
 /// # Errors

@@ -21,7 +21,8 @@ pub(crate) struct LibraryMaterial {
     pub(crate) material: Material,
 }
 
-/// Reads names, colours, opacity and textures of the materials of an MTL file, in file order. Other statements are kept
+/// Reads names, colours, opacity and textures of the materials of an MTL file, in file order. Other
+/// statements are kept
 /// as they are.
 pub(crate) fn read(path: &Path, notes: &mut Notes) -> Result<Vec<LibraryMaterial>> {
     let bytes = source::read_all(path)?;

@@ -122,7 +122,8 @@ enum MeshFormat {
 pub struct ReadOptions {
     /// Which repeated vertices are joined for the computation.
     pub weld: Weld,
-    /// Which set of texture coordinates of glTF files; without it, that of the material's base colour.
+    /// Which set of texture coordinates of glTF files; without it, that of the material's base
+    /// colour.
     pub uv_set: Option<usize>,
 }
 
@@ -136,11 +137,13 @@ pub fn read_mesh(path: impl AsRef<Path>) -> Result<LoadedMesh> {
 
 /// Reads a mesh from an OBJ, PLY, OFF, glTF or GLB file.
 ///
-/// The content decides where it is unmistakable, else the extension. See [`obj`], [`ply`], [`off`] and [`gltf_read`] for what is kept. Vertices
+/// The content decides where it is unmistakable, else the extension. See [`obj`], [`ply`], [`off`]
+/// and [`gltf_read`] for what is kept. Vertices
 /// that the file repeats are joined ([`weld`]); the readers of the single formats leave them apart.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] with the line or element and the remedy; [`Error::Option`] for a tolerance that does not fit the mesh.
+/// [`Error::Io`]; [`Error::Format`] with the line or element and the remedy; [`Error::Option`] for
+/// a tolerance that does not fit the mesh.
 pub fn read_mesh_with(path: impl AsRef<Path>, options: &ReadOptions) -> Result<LoadedMesh> {
     let path = path.as_ref();
     let mut head = Vec::new();
@@ -173,7 +176,8 @@ pub fn read_mesh_with(path: impl AsRef<Path>, options: &ReadOptions) -> Result<L
     Ok(loaded)
 }
 
-/// Reads the points and colours of an OBJ or PLY file as a mesh that may have no triangles. Points that no face uses are not
+/// Reads the points and colours of an OBJ or PLY file as a mesh that may have no triangles. Points
+/// that no face uses are not
 /// joined, and the content decides on the format as for [`read_mesh`].
 ///
 /// # Errors
@@ -192,7 +196,8 @@ pub fn read_points(path: impl AsRef<Path>) -> Result<LoadedMesh> {
     Ok(loaded)
 }
 
-/// Fails for coordinates whose products overflow, and for a mesh whose products vanish. Coordinates that are not finite are what they are: such vertices are passed
+/// Fails for coordinates whose products overflow, and for a mesh whose products vanish. Coordinates
+/// that are not finite are what they are: such vertices are passed
 /// over and told of.
 fn check_range(path: &Path, mesh: &Mesh) -> Result<()> {
     let beyond = |p: &DVec3| p.is_finite() && p.abs().max_element() > *RANGE.end();
@@ -213,7 +218,8 @@ fn check_range(path: &Path, mesh: &Mesh) -> Result<()> {
     Ok(())
 }
 
-/// A place for messages: with as many digits as there are, and exponents where numbers are large or small.
+/// A place for messages: with as many digits as there are, and exponents where numbers are large or
+/// small.
 pub(crate) fn place(p: DVec3) -> String {
     format!("({:?}, {:?}, {:?})", p.x, p.y, p.z)
 }

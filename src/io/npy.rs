@@ -1,4 +1,5 @@
-//! Arrays of numbers as NumPy files: written as `f64`, little-endian, C order, or as the integers that they came as.
+//! Arrays of numbers as NumPy files: written as `f64`, little-endian, C order, or as the integers
+//! that they came as.
 
 use std::path::Path;
 
@@ -41,10 +42,12 @@ pub struct NpyMatrix {
     pub integers: Option<IntegerType>,
 }
 
-/// Writes a matrix of `columns` values a row. Rows for which `blank` says so may be NaN: there is nothing.
+/// Writes a matrix of `columns` values a row. Rows for which `blank` says so may be NaN: there is
+/// nothing.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::NotFinite`] for another value that is not finite; [`Error::Input`] if the values do not fill whole rows.
+/// [`Error::Io`]; [`Error::NotFinite`] for another value that is not finite; [`Error::Input`] if
+/// the values do not fill whole rows.
 pub fn write_npy(path: impl AsRef<Path>, columns: usize, values: &[f64], blank: impl Fn(usize) -> bool) -> Result<()> {
     let path = path.as_ref();
     let row = |i: usize| i / columns.max(1);
@@ -56,7 +59,8 @@ pub fn write_npy(path: impl AsRef<Path>, columns: usize, values: &[f64], blank: 
 /// [`write_npy`] as whole numbers of a type.
 ///
 /// # Errors
-/// As [`write_npy`]; [`Error::Input`] naming the row of a number that the type does not hold, such as NaN.
+/// As [`write_npy`]; [`Error::Input`] naming the row of a number that the type does not hold, such
+/// as NaN.
 pub fn write_npy_integers(path: impl AsRef<Path>, columns: usize, values: &[f64], integers: IntegerType) -> Result<()> {
     let path = path.as_ref();
     let (low, high) = integers.range();
@@ -118,11 +122,13 @@ fn write_as<T: npyz::AutoSerialize>(
     })
 }
 
-/// Reads a matrix of floating point numbers of 16, 32 or 64 bits, whole numbers of any width or truth values, in either byte order and in C or Fortran
+/// Reads a matrix of floating point numbers of 16, 32 or 64 bits, whole numbers of any width or
+/// truth values, in either byte order and in C or Fortran
 /// order. A one-dimensional array is one column.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] on another kind of array, one that is not as long as its header says, or whole numbers that double precision
+/// [`Error::Io`]; [`Error::Format`] on another kind of array, one that is not as long as its header
+/// says, or whole numbers that double precision
 /// does not hold.
 pub fn read_npy(path: impl AsRef<Path>) -> Result<NpyMatrix> {
     let path = path.as_ref();

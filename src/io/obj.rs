@@ -1,6 +1,7 @@
 //! Wavefront OBJ, read line by line.
 //!
-//! Kept: `v` with colours, `vt`, `vn`, `f` with negative indices, `g`, `o`, `s`, `usemtl`, `mtllib`. Lines, points and
+//! Kept: `v` with colours, `vt`, `vn`, `f` with negative indices, `g`, `o`, `s`, `usemtl`,
+//! `mtllib`. Lines, points and
 //! free-form geometry are passed over. Numbers follow the file: a vertex index is the position of its `v` line.
 
 mod names;
@@ -167,7 +168,8 @@ impl<'a> Reader<'a> {
         self.behind_positions.push((numbers, count as u8));
     }
 
-    /// Colours that ZBrush writes as comments: eight hexadecimal digits a vertex, of which the first two are a mask.
+    /// Colours that ZBrush writes as comments: eight hexadecimal digits a vertex, of which the
+    /// first two are a mask.
     fn polypaint(&mut self, digits: &[u8]) {
         for vertex in digits.trim_ascii().chunks_exact(8) {
             let byte = |k: usize| u8::from_str_radix(std::str::from_utf8(&vertex[k..k + 2]).ok()?, 16).ok();
@@ -177,7 +179,8 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Up to `N` numbers, at least `least`, and how many; what is missing is 0. A number that is none (as `1.#IND`) is NaN where it is
+    /// Up to `N` numbers, at least `least`, and how many; what is missing is 0. A number that is
+    /// none (as `1.#IND`) is NaN where it is
     /// spelled so.
     fn numbers<const N: usize>(&self, rest: &[u8], least: usize, element: &str) -> Result<([f64; N], usize)> {
         let mut values = [0.0; N];

@@ -13,7 +13,8 @@ use super::vertex_colors;
 use crate::geometry::{Corner, MeshBuilder, NONE};
 use crate::{Error, Result};
 
-/// Reads an OFF file: positions, faces, after a `C` in the prefix colours of vertices, and after `ST` texture coordinates. Colours of
+/// Reads an OFF file: positions, faces, after a `C` in the prefix colours of vertices, and after
+/// `ST` texture coordinates. Colours of
 /// faces and normals are passed over.
 ///
 /// # Errors

@@ -1,6 +1,7 @@
 //! Stanford PLY, text and binary of either byte order.
 //!
-//! Kept: positions, normals, colours (`vertex_colors`), texture coordinates of vertices (`s t`, `u v`, `texture_u texture_v`) and of face corners (the `texcoord` list of
+//! Kept: positions, normals, colours (`vertex_colors`), texture coordinates of vertices (`s t`,
+//! `u v`, `texture_u texture_v`) and of face corners (the `texcoord` list of
 //! MeshLab, with `texnumber` and its `TextureFile` comments). Other elements and properties are passed over. Counts of the header are only believed
 //! as far as the file goes: nothing is allocated from them.
 

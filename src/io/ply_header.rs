@@ -101,7 +101,8 @@ impl Scalar {
     }
 }
 
-/// What ends the lines of a header. The data of a binary file begin behind the last of them, so that there must be one.
+/// What ends the lines of a header. The data of a binary file begin behind the last of them, so
+/// that there must be one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum LineEnd {
     /// With a carriage return before it, or without.

@@ -50,7 +50,8 @@ pub fn write_ply(mesh: &Mesh, colors: Option<&[[u8; 3]]>, path: impl AsRef<Path>
 /// Writes positions (double precision), polygons and properties of the vertices as little-endian binary PLY.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::NotFinite`] for a position that is not finite; [`Error::Input`] if a property has not as many values as there are vertices. A property may
+/// [`Error::Io`]; [`Error::NotFinite`] for a position that is not finite; [`Error::Input`] if a
+/// property has not as many values as there are vertices. A property may
 /// be NaN where there is none.
 pub fn write_ply_with(mesh: &Mesh, properties: &[VertexProperty], path: impl AsRef<Path>) -> Result<()> {
     let path = path.as_ref();

@@ -22,7 +22,8 @@ pub struct PointTable {
     columns: [usize; 2],
 }
 
-/// Reads points: a [`Table`] with columns `x` and `y`, whatever case and order, one point a row. Empty lines are passed over.
+/// Reads points: a [`Table`] with columns `x` and `y`, whatever case and order, one point a row.
+/// Empty lines are passed over.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Format`] naming the line: another header, another number of cells, no finite number.
@@ -84,11 +85,13 @@ pub struct PointRow {
     pub point: Option<(DVec2, f64)>,
 }
 
-/// Writes mapped points: the rows and columns of `table` in its dialect, x and y replaced, with round-trip precision, and behind them `j` if
+/// Writes mapped points: the rows and columns of `table` in its dialect, x and y replaced, with
+/// round-trip precision, and behind them `j` if
 /// `jacobian`, and `status`: `ok`, or `failed`, and then the cells of the point are empty.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::NotFinite`] for a number that is not finite; [`Error::Input`] if there are not as many rows as points.
+/// [`Error::Io`]; [`Error::NotFinite`] for a number that is not finite; [`Error::Input`] if there
+/// are not as many rows as points.
 pub fn write_point_table(path: impl AsRef<Path>, table: &PointTable, rows: &[PointRow], jacobian: bool) -> Result<()> {
     let path = path.as_ref();
     let PointTable { table: given, columns, .. } = table;

@@ -31,7 +31,8 @@ pub const MAP_HEADER: &str = "index,face,b0,b1,b2,x,y,z,status,confidence";
 /// The header of a file of points.
 const POINT_HEADER: [&str; 4] = ["face", "b0", "b1", "b2"];
 
-/// A table of which some columns have been read; the others go into what is written in answer, in its dialect.
+/// A table of which some columns have been read; the others go into what is written in answer, in
+/// its dialect.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Answered {
     table: Table,
@@ -62,7 +63,8 @@ impl Answered {
         self.others().into_iter().map(|n| if is_taken(&n) { format!("{n}_given") } else { n }).collect()
     }
 
-    /// Writes a table with the columns `header`, filled by `row`, and behind them those that have not been read.
+    /// Writes a table with the columns `header`, filled by `row`, and behind them those that have
+    /// not been read.
     fn write<W: Write>(
         &self,
         out: W,
@@ -83,7 +85,8 @@ impl Answered {
     }
 }
 
-/// Reads points of `mesh`: a [`Table`] with columns `face`, `b0`, `b1` and `b2`, whatever case and order, one point a row; and the table itself.
+/// Reads points of `mesh`: a [`Table`] with columns `face`, `b0`, `b1` and `b2`, whatever case and
+/// order, one point a row; and the table itself.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Format`] naming the line: another header, a face out of range, coordinates that are no point of the face.
@@ -117,10 +120,12 @@ fn no_header(table: &Table) -> Error {
     Error::format(table.path(), Some(1), what, "Begin the file with the line face,b0,b1,b2")
 }
 
-/// Writes points as [`read_points`] reads them, with round-trip precision; `answered` is the table that they answer, or an empty one.
+/// Writes points as [`read_points`] reads them, with round-trip precision; `answered` is the table
+/// that they answer, or an empty one.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::NotFinite`] for a coordinate that is not finite; [`Error::Input`] if they are not as many as its rows.
+/// [`Error::Io`]; [`Error::NotFinite`] for a coordinate that is not finite; [`Error::Input`] if
+/// they are not as many as its rows.
 pub fn write_points(path: impl AsRef<Path>, points: &[SurfacePoint], answered: &Answered) -> Result<()> {
     let path = path.as_ref();
     answered.check(points.len())?;
@@ -135,10 +140,12 @@ pub fn write_points(path: impl AsRef<Path>, points: &[SurfacePoint], answered: &
     })
 }
 
-/// Writes a map with the header [`MAP_HEADER`]; the cells of a row without a point are empty. `answered` is the table of the points, or an empty one.
+/// Writes a map with the header [`MAP_HEADER`]; the cells of a row without a point are empty.
+/// `answered` is the table of the points, or an empty one.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::NotFinite`] for a number that is not finite; [`Error::Input`] if there are not as many rows as in the table.
+/// [`Error::Io`]; [`Error::NotFinite`] for a number that is not finite; [`Error::Input`] if there
+/// are not as many rows as in the table.
 pub fn write_map(path: impl AsRef<Path>, rows: &[MapRow], answered: &Answered) -> Result<()> {
     let path = path.as_ref();
     answered.check(rows.len())?;
@@ -177,7 +184,8 @@ impl Answered {
     }
 }
 
-/// Reads weights: a [`Table`] with one query a row and `anchors` columns of numbers, with or without a header; and the table itself, whose
+/// Reads weights: a [`Table`] with one query a row and `anchors` columns of numbers, with or
+/// without a header; and the table itself, whose
 /// columns of text are no weights.
 ///
 /// # Errors

@@ -36,7 +36,8 @@ fn check_places(path: &Path, runs: &[Vec<DVec3>]) -> Result<()> {
 /// Writes runs of joined points as little-endian binary PLY: vertices in double precision with their properties, and an element `edge` that joins neighbours of each run.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::NotFinite`] for a number that is not finite; [`Error::Input`] if a property has not as many values as there are points.
+/// [`Error::Io`]; [`Error::NotFinite`] for a number that is not finite; [`Error::Input`] if a
+/// property has not as many values as there are points.
 pub fn write_polyline_ply(runs: &[Vec<DVec3>], properties: &[PointProperty<'_>], path: impl AsRef<Path>) -> Result<()> {
     let path = path.as_ref();
     let count = check(runs, properties)?;

@@ -1,7 +1,9 @@
 //! Names in files that are not UTF-8: how they are read as text, and how they were spelt.
 //!
-//! Text formats without a declared encoding hold names in whatever the writing program's system used. Names are
-//! told apart by their bytes. For people they are decoded; [`Spellings`] keeps the bytes for writing.
+//! Text formats without a declared encoding hold names in whatever the writing program's system
+//! used. Names are
+//! told apart by their bytes. For people they are decoded; [`Spellings`] keeps the bytes for
+//! writing.
 
 use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
@@ -10,7 +12,8 @@ use encoding_rs::{Encoding, SHIFT_JIS, WINDOWS_1252};
 
 /// The encoding of `names` of one file, used for those that are not UTF-8.
 ///
-/// Shift-JIS where every name is valid in it and some byte lies in 80 to 9F, which begins most of its letters and no
+/// Shift-JIS where every name is valid in it and some byte lies in 80 to 9F, which begins most of
+/// its letters and no
 /// letter of Latin-1; Windows-1252, a superset of Latin-1, otherwise.
 pub(crate) fn guess<'n>(names: impl Iterator<Item = &'n [u8]>) -> &'static Encoding {
     let (mut lead, mut valid) = (false, true);
@@ -58,7 +61,8 @@ impl Spellings {
         Self { encoding, taken: HashSet::new(), texts: HashMap::new() }
     }
 
-    /// The text of a name. The same bytes give the same text; different bytes that are not UTF-8 give different ones.
+    /// The text of a name. The same bytes give the same text; different bytes that are not UTF-8
+    /// give different ones.
     pub(crate) fn text(&mut self, name: &[u8]) -> String {
         if let Ok(text) = std::str::from_utf8(name) {
             self.taken.insert(text.to_owned());
@@ -87,7 +91,8 @@ mod tests {
 
     #[test]
     fn latin_1_and_shift_jis_are_told_apart() {
-        // "Körper" and "Füße" in Latin-1; "表" (its second byte is a backslash) and "ソ" in Shift-JIS.
+        // "Körper" and "Füße" in Latin-1; "表" (its second byte is a backslash) and "ソ" in
+        // Shift-JIS.
         let latin: [&[u8]; 2] = [b"K\xf6rper", b"F\xfc\xdfe"];
         let japanese: [&[u8]; 2] = [b"\x95\x5c", b"\x83\x5c"];
         let (l, j) = (guess(latin.into_iter()), guess(japanese.into_iter()));

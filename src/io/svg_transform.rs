@@ -1,7 +1,10 @@
-//! Where SVG elements are placed: the attribute `transform`, the same property in `style`, its origin, and `translate`, `rotate` and `scale`.
+//! Where SVG elements are placed: the attribute `transform`, the same property in `style`, its
+//! origin, and `translate`, `rotate` and `scale`.
 //!
-//! A property wins over the attribute (SVG 2, section 6). Lengths may have absolute units of CSS, at 96 pixels an inch; per cents are of the drawing's
-//! `viewBox`, as `transform-box: view-box` says, which is what SVG elements have unless they say otherwise.
+//! A property wins over the attribute (SVG 2, section 6). Lengths may have absolute units of CSS,
+//! at 96 pixels an inch; per cents are of the drawing's
+//! `viewBox`, as `transform-box: view-box` says, which is what SVG elements have unless they say
+//! otherwise.
 
 use std::str::FromStr;
 
@@ -179,7 +182,8 @@ fn origin(text: &str, view: Option<DVec2>) -> Option<DVec2> {
     Some(DVec2::new(value(first, view.map(|v| v.x))?, value(second, view.map(|v| v.y))?))
 }
 
-/// How an element by itself is placed within what is around it; `view` is the size of the drawing's `viewBox`.
+/// How an element by itself is placed within what is around it; `view` is the size of the drawing's
+/// `viewBox`.
 ///
 /// # Errors
 /// What is wrong with the attribute `transform`.
@@ -222,7 +226,8 @@ fn own(node: Node<'_, '_>, view: Option<DVec2>) -> std::result::Result<std::resu
     Ok(about.map_or(Err(Unknown), |o| Ok(Affine::shift(o.x, o.y).after(all).after(Affine::shift(-o.x, -o.y)))))
 }
 
-/// The transforms of an element and all around it; `None` if one depends on more than the drawing's coordinates.
+/// The transforms of an element and all around it; `None` if one depends on more than the drawing's
+/// coordinates.
 pub(super) fn placement(node: Node<'_, '_>, view: Option<DVec2>) -> std::result::Result<Option<Affine>, String> {
     let mut all = Affine::IDENTITY;
     for ancestor in node.ancestors().filter(Node::is_element) {

@@ -1,8 +1,11 @@
 //! Tables as text: CSV in the dialects that spreadsheets and programs write.
 //!
-//! Cells are separated by commas, semicolons, tabs or blanks ([`Separator`]), told by the first rows. Cells in quotation marks may hold separators and
-//! line ends. Decimal signs are points or commas, one of them in a table. Lines may end in LF, CR LF or CR. Lines that begin with `#` are comments, as is
-//! `sep=;`, which spreadsheets write; a comment right above numbers with as many words as they have columns is their header, as NumPy writes it.
+//! Cells are separated by commas, semicolons, tabs or blanks ([`Separator`]), told by the first
+//! rows. Cells in quotation marks may hold separators and
+//! line ends. Decimal signs are points or commas, one of them in a table. Lines may end in LF, CR
+//! LF or CR. Lines that begin with `#` are comments, as is
+//! `sep=;`, which spreadsheets write; a comment right above numbers with as many words as they have
+//! columns is their header, as NumPy writes it.
 //! Columns are found by name, whatever case and order.
 
 use std::borrow::Cow;
@@ -41,7 +44,8 @@ impl Table {
     /// Reads a table. No row is a header yet, unless it is a comment.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Format`] naming the line of a zero byte or of a quotation mark that is never closed.
+    /// [`Error::Io`]; [`Error::Format`] naming the line of a zero byte or of a quotation mark that
+    /// is never closed.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         Self::parse(encoding::read_text(path)?, path)
@@ -135,7 +139,8 @@ impl Table {
         }
     }
 
-    /// The last comment is the header if it has as many words as the first row has cells, and that row has numbers where it has none.
+    /// The last comment is the header if it has as many words as the first row has cells, and that
+    /// row has numbers where it has none.
     fn take_commented_header(&mut self) {
         let (Some(comment), Some(first)) = (self.preamble.last().filter(|c| c.starts_with('#')), self.rows.first())
         else {
@@ -180,7 +185,8 @@ impl Table {
         &self.notes
     }
 
-    /// The names of the columns, without blanks around them and, of a commented header, without `#`.
+    /// The names of the columns, without blanks around them and, of a commented header, without
+    /// `#`.
     pub fn names(&self) -> Option<Vec<&str>> {
         let header = self.header.as_ref()?;
         Some(header.iter().map(|c| bare(c).trim_start_matches('#').trim()).collect())
@@ -218,7 +224,8 @@ impl Table {
         self.rows[row].cells.len()
     }
 
-    /// A cell without the blanks around it, and quotation marks behind such blanks; empty where the row is shorter.
+    /// A cell without the blanks around it, and quotation marks behind such blanks; empty where the
+    /// row is shorter.
     pub fn cell(&self, row: usize, column: usize) -> &str {
         bare(self.rows[row].cells.get(column).unwrap_or_default())
     }
@@ -256,7 +263,8 @@ impl Table {
     /// Tells the decimal sign by the cells of `columns`; without decimals there, by all others.
     ///
     /// # Errors
-    /// [`Error::Format`] naming the line: points and commas in one table, digits set apart in groups, or `1,234` where that may be either.
+    /// [`Error::Format`] naming the line: points and commas in one table, digits set apart in
+    /// groups, or `1,234` where that may be either.
     pub fn settle_decimals(&mut self, columns: &[usize]) -> Result<()> {
         const REMEDY: &str = "Write numbers with one decimal sign and nothing between the other digits";
         let (mut point, mut comma, mut group) = (None, None, None);
@@ -319,7 +327,8 @@ impl Table {
     }
 }
 
-/// A cell without blanks around it, and without quotation marks that stand behind blanks, which the `csv` crate leaves there.
+/// A cell without blanks around it, and without quotation marks that stand behind blanks, which the
+/// `csv` crate leaves there.
 fn bare(cell: &str) -> &str {
     let cell = cell.trim();
     cell.strip_prefix('"').and_then(|c| c.strip_suffix('"')).map_or(cell, str::trim)
@@ -339,7 +348,8 @@ fn declared_separator(line: &str) -> Option<Separator> {
 
 /// `body` with empty lines in the place of comments, and their number.
 ///
-/// A line that begins with `#` outside of quotation marks is none if it has as many cells as the row before it and a number behind the first: `#b,2`
+/// A line that begins with `#` outside of quotation marks is none if it has as many cells as the
+/// row before it and a number behind the first: `#b,2`
 /// below `#a,1`.
 fn without_comments(body: &str, separator: Separator) -> (Cow<'_, str>, usize) {
     if !body.contains('#') {
@@ -369,7 +379,8 @@ fn without_comments(body: &str, separator: Separator) -> (Cow<'_, str>, usize) {
     (text.into(), comments)
 }
 
-/// Whether the last row, `rest` of the text, ends inside a quotation mark, by the rules of the `csv` crate.
+/// Whether the last row, `rest` of the text, ends inside a quotation mark, by the rules of the
+/// `csv` crate.
 fn is_unclosed(rest: &str, separator: u8) -> bool {
     #[derive(Clone, Copy, PartialEq)]
     enum Place {

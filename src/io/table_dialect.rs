@@ -1,4 +1,5 @@
-//! How tables separate their cells: told by their first rows, and kept where a table is written in answer to one.
+//! How tables separate their cells: told by their first rows, and kept where a table is written in
+//! answer to one.
 
 use std::io::{self, Write};
 
@@ -43,7 +44,8 @@ pub struct Dialect {
     pub marked: bool,
 }
 
-/// The separator of `body`: tabs or semicolons where every row has as many of them, else commas, else blanks.
+/// The separator of `body`: tabs or semicolons where every row has as many of them, else commas,
+/// else blanks.
 pub(super) fn separator(body: &str) -> Separator {
     const SIGNS: [Separator; 3] = [Separator::Tab, Separator::Semicolon, Separator::Comma];
     let counts = SIGNS.map(|s| cell_counts(body, s));
@@ -109,7 +111,8 @@ impl<W: Write> TableWriter<W> {
         let terminator = if dialect.crlf { csv::Terminator::CRLF } else { csv::Terminator::Any(b'\n') };
         let mut builder = csv::WriterBuilder::new();
         builder.delimiter(dialect.separator.byte()).terminator(terminator).flexible(true);
-        // A decimal comma needs quotation marks where commas stand between cells; the crate gives them.
+        // A decimal comma needs quotation marks where commas stand between cells; the crate gives
+        // them.
         Ok(Self { inner: builder.from_writer(out), decimal_comma: dialect.decimal_comma, scratch: String::new() })
     }
 
@@ -123,7 +126,8 @@ impl<W: Write> TableWriter<W> {
         cells.into_iter().try_for_each(|cell| self.text(cell))
     }
 
-    /// Adds a number, with the decimal sign of the dialect. Its digits are those of `value`'s own format, so that it can be read back exactly.
+    /// Adds a number, with the decimal sign of the dialect. Its digits are those of `value`'s own
+    /// format, so that it can be read back exactly.
     pub(crate) fn number(&mut self, value: std::fmt::Arguments<'_>) -> io::Result<()> {
         self.scratch.clear();
         // A string takes every text.

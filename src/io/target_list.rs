@@ -1,8 +1,10 @@
 //! Lists of targets with their anchors, for work on many of them: a folder, or a list in JSON or CSV.
 //!
 //! In a folder each mesh `NAME.obj` (or `.ply`, `.off`, `.gltf`, `.glb`) has its anchors beside it, `NAME.json` or `NAME.txt`. A list in JSON is
-//! `[{"target": "a.obj", "anchors": "a.json", "name": "a"}, ...]`, also under the key `items`; one in CSV (a [`Table`]) has columns `target`, `anchors` and,
-//! if wanted, `name`. Paths are relative to the list. Without a name the target's own is taken, less its extension.
+//! `[{"target": "a.obj", "anchors": "a.json", "name": "a"}, ...]`, also under the key `items`; one
+//! in CSV (a [`Table`]) has columns `target`, `anchors` and,
+//! if wanted, `name`. Paths are relative to the list. Without a name the target's own is taken,
+//! less its extension.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};

@@ -101,7 +101,8 @@ impl<R: BufRead> StatementLines<R> {
     }
 }
 
-/// Keywords whose statements hold names: their last letter may be a backslash, or a letter of two bytes that ends in one.
+/// Keywords whose statements hold names: their last letter may be a backslash, or a letter of two
+/// bytes that ends in one.
 const NAMES: [&[u8]; 14] = [
     b"g",
     b"o",
@@ -121,7 +122,8 @@ const NAMES: [&[u8]; 14] = [
 
 /// Whether a statement goes on on the next line: the length of its part before the backslash.
 ///
-/// A comment ends with its line. A backslash at the end of a name belongs to the name unless a blank stands before it.
+/// A comment ends with its line. A backslash at the end of a name belongs to the name unless a
+/// blank stands before it.
 fn continued(line: &[u8]) -> Option<usize> {
     let before = line.trim_ascii_end().strip_suffix(b"\\")?;
     let mut words = line.split(u8::is_ascii_whitespace).filter(|w| !w.is_empty());

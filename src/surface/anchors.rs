@@ -104,7 +104,8 @@ impl AnchorPairs {
 /// Parts named in a message, at most.
 const NAMED: usize = 20;
 
-/// One line about the components without an anchor, each named by its first face and its number of vertices; nothing where all have one.
+/// One line about the components without an anchor, each named by its first face and its number of
+/// vertices; nothing where all have one.
 fn without_anchor(side: &str, points: &[SurfacePoint], topology: &Topology, what: &str) -> Option<String> {
     let count = topology.component_count as usize;
     let mut has = vec![false; count];

@@ -48,7 +48,8 @@ impl<const D: usize> NearestVertex<D> {
         found.iter().filter(|n| n.distance <= nearest).map(|n| self.vertices[n.item as usize]).min().unwrap_or(NONE)
     }
 
-    /// Up to `n` nearest vertices, nearest first, the lower index of equally near ones first; none for a point that is not finite.
+    /// Up to `n` nearest vertices, nearest first, the lower index of equally near ones first; none
+    /// for a point that is not finite.
     pub(crate) fn find_several(&self, y: &Vector<f64, D>, n: usize) -> Vec<u32> {
         let (Some(n), true) = (NonZero::new(n.min(self.vertices.len())), y.iter().all(|x| x.is_finite())) else {
             return Vec::new();

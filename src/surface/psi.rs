@@ -163,8 +163,10 @@ pub fn slack<S: Real>() -> S {
     if S::EPSILON > S::of(1e-10) { S::of(1e-4) } else { S::of(1e-9) }
 }
 
-/// How far a point given to be projected may be off, in units in the last place of its largest coordinate: its coordinates, those
-/// of the vertices and their combination are rounded by half a unit each, and the length of a vector of sixteen such errors is
+/// How far a point given to be projected may be off, in units in the last place of its largest
+/// coordinate: its coordinates, those
+/// of the vertices and their combination are rounded by half a unit each, and the length of a
+/// vector of sixteen such errors is
 /// four times as large: `3 / 2 * sqrt(16)`.
 const ROUNDING: f64 = 6.0;
 
@@ -172,7 +174,8 @@ const ROUNDING: f64 = 6.0;
 pub const NEWTON_STEPS: usize = 12;
 
 impl<S: Real, const D: usize> TangentTriangle<'_, S, D> {
-    /// What the iteration needs of the triangle and the point: both as seen in the three tangent planes, and where to start.
+    /// What the iteration needs of the triangle and the point: both as seen in the three tangent
+    /// planes, and where to start.
     #[inline(always)]
     fn tangential(&self, mean: &Vector<S, D>) -> (Tangential<S>, [S; 3]) {
         let e = [sub(self.v[0], self.v[2]), sub(self.v[1], self.v[2])];
@@ -184,14 +187,19 @@ impl<S: Real, const D: usize> TangentTriangle<'_, S, D> {
         (Tangential { edges: [all(&e[0]), all(&e[1])], offset: all(&d), rounding }, start(&e, &d))
     }
 
-    /// Phong projection of `mean` onto the triangle by Newton's method (eq. 7 and 8), from the projection onto the flat triangle.
+    /// Phong projection of `mean` onto the triangle by Newton's method (eq. 7 and 8), from the
+    /// projection onto the flat triangle.
     ///
     /// In two unknowns: `f = Psi (sum x_j v_j - ybar) = sum_k c_k u_k` with `u_k = G_k p_i(k)`, `p_i = T_i (sum_j x_j v_j - ybar)`, and its analytic Jacobian.
-    /// `patience` is the barycentric distance outside the triangle at which the iteration is given up. About 520 flops to
+    /// `patience` is the barycentric distance outside the triangle at which the iteration is given
+    /// up. About 520 flops to
     /// set up and 300 per step.
     ///
-    /// Near a vertex `f` is nearly homogeneous in the offset from it, so that a step from afar lands about the square of its length beside the root, on either side of the vertex. Beyond the vertex
-    /// `s` is negative and Psi as smooth as before it: the iteration goes on there and comes back. Only on the pole itself, `s = 0`, there is no next step.
+    /// Near a vertex `f` is nearly homogeneous in the offset from it, so that a step from afar
+    /// lands about the square of its length beside the root, on either side of the vertex. Beyond
+    /// the vertex
+    /// `s` is negative and Psi as smooth as before it: the iteration goes on there and comes back.
+    /// Only on the pole itself, `s = 0`, there is no next step.
     pub fn project(&self, mean: &Vector<S, D>, patience: S) -> Root<S> {
         let (p, mut x) = self.tangential(mean);
         let tolerance = S::of(8.0) * S::EPSILON;
@@ -210,7 +218,8 @@ impl<S: Real, const D: usize> TangentTriangle<'_, S, D> {
                 return self.vertex_root(&p, &x).map_or(Root::Outside(x), Root::Inside);
             }
             let step = dx.abs().maximum(dy.abs());
-            // Quadratic convergence, at the scale of the distance to the vertex: after a step h the next one is about h^2 / s.
+            // Quadratic convergence, at the scale of the distance to the vertex: after a step h the
+            // next one is about h^2 / s.
             if step <= tolerance || (step <= S::of(1e-4) && step * step <= S::EPSILON * s.abs() && last < S::HUGE) {
                 return inside_or_not(x, &p);
             }
@@ -221,7 +230,8 @@ impl<S: Real, const D: usize> TangentTriangle<'_, S, D> {
 
     /// The vertex nearest to `x`, if it is a root.
     ///
-    /// At a vertex Psi spans the vertex's own tangent plane whatever the direction, so the vertex is a root where `T_i (v_i - ybar)` vanishes.
+    /// At a vertex Psi spans the vertex's own tangent plane whatever the direction, so the vertex
+    /// is a root where `T_i (v_i - ybar)` vanishes.
     fn vertex_root(&self, p: &Tangential<S>, x: &[S; 3]) -> Option<[S; 3]> {
         let i = usize::from(x[1] > x[0]);
         let i = if x[2] > x[i] { 2 } else { i };
@@ -338,8 +348,11 @@ impl<S: Real, const D: usize> TangentTriangle<'_, S, D> {
     }
 }
 
-/// Where Newton's method starts, from the two edges `v_l - v_3` and `v_3 - ybar`: the orthogonal projection of `ybar` onto the flat triangle. A point of the surface is that already, and near a vertex it is
-/// as far from it as the root is, up to a constant. Outside coordinates are reflected into the triangle, which keeps that distance; where the flat triangle has no area, its centre.
+/// Where Newton's method starts, from the two edges `v_l - v_3` and `v_3 - ybar`: the orthogonal
+/// projection of `ybar` onto the flat triangle. A point of the surface is that already, and near a
+/// vertex it is
+/// as far from it as the root is, up to a constant. Outside coordinates are reflected into the
+/// triangle, which keeps that distance; where the flat triangle has no area, its centre.
 #[inline(always)]
 fn start<S: Real, const D: usize>([e, f]: &[Vector<S, D>; 2], d: &Vector<S, D>) -> [S; 3] {
     let (ee, ef, ff) = (dot(e, e), dot(e, f), dot(f, f));
@@ -355,8 +368,11 @@ fn start<S: Real, const D: usize>([e, f]: &[Vector<S, D>; 2], d: &Vector<S, D>) 
     inside.map(|v| v * r)
 }
 
-/// Accepts coordinates that lie outside by no more than the slack, or than a length that rounding leaves open: on a triangle of a hundredth of an edge the slack is less than that, and where triangles fold over one
-/// another at a vertex, a rounded point beside them would belong to none. They are clamped to the triangle.
+/// Accepts coordinates that lie outside by no more than the slack, or than a length that rounding
+/// leaves open: on a triangle of a hundredth of an edge the slack is less than that, and where
+/// triangles fold over one
+/// another at a vertex, a rounded point beside them would belong to none. They are clamped to the
+/// triangle.
 #[inline(always)]
 fn inside_or_not<S: Real>(x: [S; 3], p: &Tangential<S>) -> Root<S> {
     let inside = x.map(|v| v.maximum(S::ZERO));

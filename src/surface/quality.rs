@@ -106,7 +106,8 @@ pub fn distortion(
     }
 }
 
-/// The triangles that the map of [`distortion`] turns over, rising: those whose image faces against the source there, or the others where that is most of the area. O(F).
+/// The triangles that the map of [`distortion`] turns over, rising: those whose image faces against
+/// the source there, or the others where that is most of the area. O(F).
 pub fn flipped(target: &Mesh, topology: &Topology, images: &[Option<DVec3>], normals: &[DVec3]) -> Vec<u32> {
     let (mut turned, mut straight) = (Vec::new(), Vec::new());
     let (mut over, mut all) = (0.0, 0.0);

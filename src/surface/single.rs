@@ -84,7 +84,8 @@ impl WeightedPoints {
         }
     }
 
-    /// The forward problem: the Phong projection of each weighted average, searched from the exactly nearest vertex and from the heaviest anchor.
+    /// The forward problem: the Phong projection of each weighted average, searched from the
+    /// exactly nearest vertex and from the heaviest anchor.
     ///
     /// # Errors
     /// If a row has another number of weights than there are anchors, or does not sum to one within 1e-6.
@@ -112,7 +113,9 @@ impl<const D: usize> Solver<D> {
         Ok(Self { surface, anchors, anchor_faces, nearest })
     }
 
-    /// The projection of an average: the closer of what is found from the nearest vertex and from the anchor that weighs most (paper, section 3.3). Where the surface is crumpled, the nearest vertex of
+    /// The projection of an average: the closer of what is found from the nearest vertex and from
+    /// the anchor that weighs most (paper, section 3.3). Where the surface is crumpled, the nearest
+    /// vertex of
     /// a point need not belong to its triangle.
     fn average(&self, row: &[f64]) -> Projection<f64> {
         let mean = row.iter().zip(&self.anchors).fold([0.0; D], |sum, (&w, a)| add_scaled(&sum, w, a));

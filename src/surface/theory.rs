@@ -170,7 +170,8 @@ fn every_vertex_is_found_from_every_triangle_around_it() {
     }
 }
 
-/// Roots at small distances from a vertex or an edge are found from the triangle they lie in, off the surface too.
+/// Roots at small distances from a vertex or an edge are found from the triangle they lie in, off
+/// the surface too.
 fn roots_found_next_to_borders<S: Real>(s: &PhongSurface<f64, 8>, tolerance: f64) {
     let rounded: PhongSurface<S, 8> = s.cast();
     let mut rng = Random::new(13);
@@ -206,7 +207,8 @@ fn roots_found_next_to_borders<S: Real>(s: &PhongSurface<f64, 8>, tolerance: f64
 
 #[test]
 fn roots_next_to_vertices_and_edges_are_found() {
-    // A gentle surface, where three edges are well within the radius of curvature. The vertex itself stands for roots within the slack of it.
+    // A gentle surface, where three edges are well within the radius of curvature. The vertex
+    // itself stands for roots within the slack of it.
     let s = surface(&lobed_sphere(4, 0.3));
     roots_found_next_to_borders::<f64>(&s, 2.0 * slack::<f64>());
     roots_found_next_to_borders::<f32>(&s, 2.0 * f64::from(slack::<f32>()));

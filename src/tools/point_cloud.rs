@@ -11,12 +11,16 @@ use crate::geometry::{Corner, Mesh, MeshBuilder, NONE};
 
 /// Neighbours among which the corners of a point's triangle are chosen.
 const NEIGHBOURS: NonZero<usize> = NonZero::new(9).unwrap();
-/// Corners of a triangle lie in a line if its area is below this share of its longest side's square.
+/// Corners of a triangle lie in a line if its area is below this share of its longest side's
+/// square.
 const FLAT: f64 = 1e-2;
 
-/// A triangle for each point: the point, its nearest neighbour, and the nearest of the others that is not in line with both.
-/// The closest point of these triangles lies among the nearest points, and is a weighted mean of three of them: this is what
-/// colours are interpolated by. The triangles are no surface: they overlap, and have no orientation.
+/// A triangle for each point: the point, its nearest neighbour, and the nearest of the others that
+/// is not in line with both.
+/// The closest point of these triangles lies among the nearest points, and is a weighted mean of
+/// three of them: this is what
+/// colours are interpolated by. The triangles are no surface: they overlap, and have no
+/// orientation.
 ///
 /// Vertices and colours are those of `points`. O(n log n).
 ///
@@ -80,7 +84,8 @@ mod tests {
         let closest = ClosestPoints::new(&mesh, &topology);
         for p in [DVec3::new(7.3, 11.6, 0.4), DVec3::new(0.1, 18.8, -0.2), DVec3::new(5.0, 5.0, 0.0)] {
             let (q, _) = closest.nearest(p).unwrap();
-            // A colour that is linear in space comes back where the triangles lie; they leave gaps of less than a step.
+            // A colour that is linear in space comes back where the triangles lie; they leave gaps
+            // of less than a step.
             let found = q.position(&mesh);
             assert!(found.distance(DVec3::new(p.x, p.y, 0.0)) < 0.75, "{p}: {found}");
         }

@@ -20,7 +20,8 @@ pub struct VertexMap {
     pub valid_fraction: f64,
 }
 
-/// The image of every vertex of `target`, as a corner of its lowest usable triangle; nowhere for vertices of none. Joined vertices have one.
+/// The image of every vertex of `target`, as a corner of its lowest usable triangle; nowhere for
+/// vertices of none. Joined vertices have one.
 ///
 /// # Errors
 /// Those of the map.

@@ -1,7 +1,10 @@
-//! The cases in the folder `cases` beside `BARYMAP_DATA`: small inputs after public reports, each with its command and what is expected.
+//! The cases in the folder `cases` beside `BARYMAP_DATA`: small inputs after public reports, each
+//! with its command and what is expected.
 //!
-//! Every folder there is a test. Its command is run as its README prints it, in a copy of the folder, and what comes out is judged: by
-//! `expected.png`, or by the judge of that name in [`JUDGES`], which asserts the values that the README expects. A folder without either fails.
+//! Every folder there is a test. Its command is run as its README prints it, in a copy of the
+//! folder, and what comes out is judged: by
+//! `expected.png`, or by the judge of that name in [`JUDGES`], which asserts the values that the
+//! README expects. A folder without either fails.
 
 mod judges;
 
@@ -37,7 +40,8 @@ struct Case {
     ran: Ran,
 }
 
-/// The commands of a README: the first block of shell, else the first indented line that begins with `barymap`.
+/// The commands of a README: the first block of shell, else the first indented line that begins
+/// with `barymap`.
 fn command(readme: &str) -> Option<String> {
     if let Some((_, block)) = readme.split_once("```sh\n") {
         return block.split_once("```").map(|(commands, _)| commands.to_owned());

@@ -1,4 +1,5 @@
-//! Numbers that are not finite, or would overflow, end in an error that names them; so do positions far from their mesh.
+//! Numbers that are not finite, or would overflow, end in an error that names them; so do positions
+//! far from their mesh.
 
 use barymap::io::write_obj;
 use barymap::models::shapes::uv_sphere;

@@ -1,6 +1,8 @@
-//! Materials as other programs write them: names, placements, colours without pictures, vertex colours, normals.
+//! Materials as other programs write them: names, placements, colours without pictures, vertex
+//! colours, normals.
 //!
-//! Source and target are the same plane, so that the result is what the source's picture shows, texel by texel.
+//! Source and target are the same plane, so that the result is what the source's picture shows,
+//! texel by texel.
 
 use barymap::geometry::NONE;
 use barymap::io::{read_image, write_image};
@@ -184,7 +186,8 @@ fn pictures_lie_as_mtl_options_say() {
     write_image(&picture(half, half, 0), f.path("t.png")).unwrap();
     let of = |x: u32, y: u32| [(255 * x / half) as u8, (255 * y / half) as u8, 0];
     shows(&f, "source.obj", "", |x, y| of(x % half, y % half));
-    // Another material with the same picture: its upper half, moved down by one, is clamped on the right.
+    // Another material with the same picture: its upper half, moved down by one, is clamped on the
+    // right.
     let upper = with_materials(&f.bytes("m.mtl"), "n");
     write_image(&picture(half, half, 0), upper.path("t.png")).unwrap();
     shows(&upper, "source.obj", "", |x, y| if y < half { of(x.min(half - 1), y) } else { of(x % half, y % half) });
@@ -200,7 +203,8 @@ fn pictures_lie_as_mtl_options_say() {
     assert!(ran.stderr.contains("lies as material"), "{}", ran.stderr);
 }
 
-/// The plane as glTF with these materials, of which the upper half has the second; texture coordinates times `scale` plus
+/// The plane as glTF with these materials, of which the upper half has the second; texture
+/// coordinates times `scale` plus
 /// `offset`.
 fn write_gltf(f: &Folder, scale: f64, offset: f64, extra: Value, colors: Option<(u32, &[u8])>) {
     let n = QUADS + 1;
@@ -286,7 +290,8 @@ fn pictures_lie_as_samplers_and_transforms_say() {
     };
     let clamped = |y: u32| y.saturating_sub(16).min(half - 1);
     shows(&f, "source.gltf", "", |x, y| of(mirrored(x), clamped(y)));
-    // A quarter turn of a picture that is not square, below; above another placement of the same picture.
+    // A quarter turn of a picture that is not square, below; above another placement of the same
+    // picture.
     write_image(&picture(SIZE, 2 * SIZE, 0), f.path("t2.png")).unwrap();
     let turned = json!({"offset": [0.0, 1.0], "rotation": std::f64::consts::FRAC_PI_2, "scale": [0.5, 1.0]});
     let squeezed = json!({"scale": [1.0, 0.5], "offset": [0.0, 0.25]});

@@ -1,4 +1,5 @@
-//! Picture files as people have them: photos that lie on their side, colour profiles, textures of all kinds.
+//! Picture files as people have them: photos that lie on their side, colour profiles, textures of
+//! all kinds.
 
 use barymap::io::image_file::{Density, DensityUnit, Metadata, read_picture, write_picture};
 use barymap::raster::{Depth, Image, Pixels};

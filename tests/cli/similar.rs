@@ -1,7 +1,9 @@
 //! Every command on meshes far from the origin and in other units: the same as on those near it.
 //!
-//! All coordinates are multiples of 2^-20 and motions are shifts by whole numbers and scalings by powers of two, so that the
-//! moved files hold the same shapes to the last bit. What commands decide and draw must be the same then; what they place must
+//! All coordinates are multiples of 2^-20 and motions are shifts by whole numbers and scalings by
+//! powers of two, so that the
+//! moved files hold the same shapes to the last bit. What commands decide and draw must be the same
+//! then; what they place must
 //! be so but for the rounding of the coordinates themselves.
 
 use std::fmt::Write;
@@ -62,7 +64,8 @@ fn shaped(mut mesh: Mesh, by: impl Fn(DVec3) -> DVec3) -> Mesh {
     mesh
 }
 
-/// A body with six limbs of different lengths in the direction `d`: what seeds are found on without pairs.
+/// A body with six limbs of different lengths in the direction `d`: what seeds are found on without
+/// pairs.
 fn limbs(d: DVec3, bend: f64) -> DVec3 {
     let limbs = [
         ([0.0, 1.0, 0.1], 0.9),
@@ -137,7 +140,8 @@ fn folder(motion: &Motion) -> Folder {
     f
 }
 
-/// `walk.csv` and `m.json`: markers on vertices of the mesh at rest, which swing. The clip is where it is, wherever the mesh lies.
+/// `walk.csv` and `m.json`: markers on vertices of the mesh at rest, which swing. The clip is where
+/// it is, wherever the mesh lies.
 fn clip(f: &Folder, mesh: &Mesh) {
     let vertices: Vec<usize> = (0..24).map(|k| (k * 71 + 5) % mesh.vertex_count()).collect();
     let names: serde_json::Map<String, Value> =
@@ -285,7 +289,8 @@ fn same_table(name: &str, a: &str, b: &str, motion: &Motion) -> Result<(), Strin
     same_places(name, &p, &q, motion)
 }
 
-/// Numbers are equal, or lengths, areas or volumes in the other units; three in a row may be a place. Times are not compared.
+/// Numbers are equal, or lengths, areas or volumes in the other units; three in a row may be a
+/// place. Times are not compared.
 fn same_json(at: &str, a: &Value, b: &Value, motion: &Motion) -> Result<(), String> {
     const PASSED_OVER: [&str; 8] = [
         "nanoseconds_per_texel",

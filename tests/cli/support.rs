@@ -149,7 +149,8 @@ impl Folder {
         command
     }
 
-    /// Runs commands here as a shell does, up to the first that fails; `barymap` is the built program.
+    /// Runs commands here as a shell does, up to the first that fails; `barymap` is the built
+    /// program.
     pub(crate) fn shell(&self, commands: &str) -> Ran {
         let program = Path::new(env!("CARGO_BIN_EXE_barymap")).parent().unwrap();
         let others = std::env::var_os("PATH").unwrap_or_default();

@@ -1,4 +1,5 @@
-//! Tables as spreadsheets and programs write them, through the commands: the same numbers, everything else kept.
+//! Tables as spreadsheets and programs write them, through the commands: the same numbers,
+//! everything else kept.
 
 use barymap::io::attribute_table::{Columns, read_attributes};
 use barymap::io::npy::{IntegerType, read_npy, write_npy_integers};

@@ -410,7 +410,8 @@ fn a_continuous_partition_moves_points_with_the_cage() {
         let found = moved(from, to, "continuous");
         assert!(found <= most, "{from}: {found} of {most}");
     }
-    // In a binary partition a step appears where one folds: at 0.5469 (Fig. 9 of the paper) for the straight path.
+    // In a binary partition a step appears where one folds: at 0.5469 (Fig. 9 of the paper) for the
+    // straight path.
     assert!(moved(0.54, 0.55, "binary --path linear") > moved(0.54, 0.55, "continuous --path linear"));
 }
 

@@ -1,4 +1,5 @@
-//! Files that repeat vertices give what welded ones give, in every command; and their vertices come back.
+//! Files that repeat vertices give what welded ones give, in every command; and their vertices come
+//! back.
 
 use std::collections::HashMap;
 
@@ -10,7 +11,8 @@ use serde_json::{Value, json};
 
 use crate::support::{Folder, waves};
 
-/// Results of two forms may differ by this part of the mesh's size: they are computed from equal numbers in equal
+/// Results of two forms may differ by this part of the mesh's size: they are computed from equal
+/// numbers in equal
 /// order, but for sums over all vertices of a file.
 const SAME: f64 = 1e-7;
 
@@ -21,7 +23,8 @@ struct Form {
     welded: Vec<u32>,
 }
 
-/// `mesh` with six charts by the side that faces look to, in three forms with equal faces: welded, split at the seams of the
+/// `mesh` with six charts by the side that faces look to, in three forms with equal faces: welded,
+/// split at the seams of the
 /// charts, and each face with its own vertices. Vertices are numbered as the faces use them.
 fn forms(mesh: &Mesh) -> [Form; 3] {
     let (low, high) = mesh.bounds().unwrap();
@@ -149,7 +152,8 @@ fn run_all(form: &Form, size: f64) -> Made {
         format!("check s.obj --anchors one.json -o c.ply {common}"),
         format!("weights s.obj --anchors one.json --points points.csv -o w.npy {common}"),
         format!("map {pair} -o m.csv {common}"),
-        // Of turned-over and thin triangles the inverse multiplies single precision by their stretch.
+        // Of turned-over and thin triangles the inverse multiplies single precision by their
+        // stretch.
         format!("map {pair} -o i.csv --inverse {common}").replace("--backend cpu", "--backend reference"),
         format!("map {pair} -o r.csv --method rbf {common}"),
         format!("attributes {pair} --attributes data.csv -o d.csv {common}"),
@@ -203,7 +207,8 @@ fn levels(f: &Folder, name: &str) -> Vec<u8> {
         .collect()
 }
 
-/// Pictures are the same up to a level, where a rounding decides, but for one sample in a thousand, where an edge of a
+/// Pictures are the same up to a level, where a rounding decides, but for one sample in a thousand,
+/// where an edge of a
 /// triangle passes through the centre of a pixel; all else is equal.
 fn same(what: &str, made: &[u8], wanted: &[u8]) -> bool {
     if !what.starts_with("picture") {
@@ -223,17 +228,20 @@ fn assert_forms_agree(mesh: &Mesh) {
         assert!(form.mesh.vertex_count() > welded.mesh.vertex_count());
         let made = run_all(&form, size);
         for ((what, rows), (_, wanted)) in made.rows.iter().zip(&truth.rows) {
-            // Faces and barycentric coordinates of a map are equal too; a vertex may be a corner of another face.
+            // Faces and barycentric coordinates of a map are equal too; a vertex may be a corner of
+            // another face.
             let trim = |rows: &Rows| -> Rows {
                 let skip = if what.starts_with("map") { 4 } else { 0 };
                 rows.iter().map(|r| r.get(skip..).unwrap_or_default().to_vec()).collect()
             };
-            // Maps are in single precision here, and a vertex may be a corner of another face: some tens of roundings.
+            // Maps are in single precision here, and a vertex may be a corner of another face: some
+            // tens of roundings.
             let scale = match *what {
                 // The data go up and down by 97 from one vertex to the next.
                 "attributes" => 10.0 * 97.0 * size / mesh.mean_edge_length(),
                 _ if what.starts_with("map") => 10.0 * size,
-                // An in-between ends where its iteration stops, and the way there follows the order of the vertices.
+                // An in-between ends where its iteration stops, and the way there follows the order
+                // of the vertices.
                 "morph" => 5e-3 / SAME * size,
                 _ => size,
             };

@@ -92,7 +92,8 @@ fn potato(d: DVec3, bend: f64) -> DVec3 {
     (p * 0.3 / GRID).round() * GRID
 }
 
-/// A pair at rest: 642 and 566 vertices, 24 anchors, some of them inside triangles; and for every vertex of the target its
+/// A pair at rest: 642 and 566 vertices, 24 anchors, some of them inside triangles; and for every
+/// vertex of the target its
 /// true place on the source.
 pub(crate) struct Rest {
     pub(crate) source: Mesh,
@@ -204,7 +205,8 @@ pub(crate) fn ways(double: bool) -> Vec<Way> {
 /// How two maps of the same points differ.
 #[derive(Debug)]
 pub(crate) struct Difference {
-    /// Distances of images on the source at rest, in mean edges, rising; infinite where only one map has an image.
+    /// Distances of images on the source at rest, in mean edges, rising; infinite where only one
+    /// map has an image.
     pub(crate) distances: Vec<f64>,
     /// Points with another status.
     pub(crate) statuses: usize,

@@ -1,4 +1,5 @@
-//! Characters in parts: what has no anchor follows what it lies beside, as a whole, by every method; and what a map turns over is doubtful.
+//! Characters in parts: what has no anchor follows what it lies beside, as a whole, by every
+//! method; and what a map turns over is doubtful.
 
 use std::ops::Range;
 
@@ -50,7 +51,8 @@ fn on(body: &Mesh, direction: DVec3) -> DVec3 {
     *body.positions.iter().max_by(|a, b| nearest(a).total_cmp(&nearest(b))).unwrap()
 }
 
-/// A body with two eyes half sunk in, a row of flat buttons on it, two boots beside it and a bead off it.
+/// A body with two eyes half sunk in, a row of flat buttons on it, two boots beside it and a bead
+/// off it.
 fn character(amplitude: f64, size: f64, parts: bool) -> Shells {
     let body = lobed_sphere(4, amplitude);
     let mut shells = vec![body.clone()];
@@ -134,7 +136,8 @@ fn follow(source: &Side, target: &Side, has_parts: bool) {
                     let image = found.images[v];
                     assert_eq!(image.status(), Status::Doubtful, "{method:?}, part {k}");
                     assert!(image.confidence < 0.5);
-                    // On the part of the source that plays its role; without it on one patch of the body.
+                    // On the part of the source that plays its role; without it on one patch of the
+                    // body.
                     let wanted = if has_parts { k } else { 0 };
                     assert!(source.shells.faces[wanted].contains(&image.face), "{method:?}, part {k}: {image:?}");
                     let there = elsewhere(target.shells.mesh.positions[v]);
@@ -183,7 +186,8 @@ fn parts_that_the_source_lacks_go_to_one_patch_beside_them() {
 
 #[test]
 fn a_map_of_one_part_is_the_same_whatever_lies_beside_it() {
-    // Anchors on all parts: nothing follows; and points of the body do not depend on parts without anchors.
+    // Anchors on all parts: nothing follows; and points of the body do not depend on parts without
+    // anchors.
     let (with, without) = (Side::new(character(0.25, 1.0, true)), Side::new(character(0.25, 1.0, false)));
     let source = Side::new(character(0.3, 1.0, false));
     let anchors = |side: &Side| AnchorPairs { source: source.anchors(), target: side.anchors() };
@@ -250,7 +254,8 @@ fn what_is_turned_over_is_doubtful_by_every_method() {
         for v in over.iter().flat_map(|&t| target.topology.triangles[t as usize]) {
             assert_ne!(found.images[v as usize].status(), Status::Valid, "{method:?}, vertex {v}");
         }
-        // What is not turned over and not beside it is as the method has it: spatial ones claim all of it.
+        // What is not turned over and not beside it is as the method has it: spatial ones claim all
+        // of it.
         if matches!(method, Method::Rbf | Method::Closest) {
             let mut beside = vec![false; target.shells.mesh.vertex_count()];
             let mut unclear = beside.clone();

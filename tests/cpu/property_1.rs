@@ -1,4 +1,5 @@
-//! Property 1 of Panozzo et al. 2013, section 3.2: a point of the surface is its own Phong projection; next to vertices and edges too, where Psi has its pole or two triangles meet.
+//! Property 1 of Panozzo et al. 2013, section 3.2: a point of the surface is its own Phong
+//! projection; next to vertices and edges too, where Psi has its pole or two triangles meet.
 //!
 //! Lengths are in mean edges of the embedded surface.
 
@@ -42,7 +43,8 @@ impl Body {
         PhongSurface::new(&self.topology, &self.embedding.points).unwrap()
     }
 
-    /// `n` points at this distance from a vertex, then as many from an edge; every tenth on the line to a corner.
+    /// `n` points at this distance from a vertex, then as many from an edge; every tenth on the
+    /// line to a corner.
     fn points(&self, distance: f64, n: usize, random: &mut Random) -> Vec<SurfacePoint> {
         let usable: Vec<u32> =
             (0..self.mesh.triangle_count() as u32).filter(|&t| self.topology.usable[t as usize]).collect();
@@ -62,8 +64,11 @@ impl Body {
     }
 }
 
-/// How far the projection of a point of the surface may be off where it was found in triangle `face`: a root outside it by the slack is moved onto its border, which takes it no farther than twice that
-/// part of its longest edge; and coordinates, the largest `largest`, are rounded in the surface, the point and the sum over D of them.
+/// How far the projection of a point of the surface may be off where it was found in triangle
+/// `face`: a root outside it by the slack is moved onto its border, which takes it no farther than
+/// twice that
+/// part of its longest edge; and coordinates, the largest `largest`, are rounded in the surface,
+/// the point and the sum over D of them.
 fn tolerance<S: Real>(surface: &PhongSurface<f64, 8>, largest: f64, face: u32) -> f64 {
     let v = surface.triangles[face as usize].v.map(|v| surface.vertices[v as usize].y);
     let longest = [0, 1, 2].map(|k| distance_squared(&v[k], &v[(k + 1) % 3]).sqrt()).into_iter().fold(0.0, f64::max);
@@ -75,7 +80,9 @@ fn largest(surface: &PhongSurface<f64, 8>) -> f64 {
     surface.vertices.iter().flat_map(|v| v.y).fold(0.0, |m: f64, x| m.max(x.abs()))
 }
 
-/// Where a search starts: at the triangle itself, at the one across an edge, at the nearest vertex of all. Where a surface is crumpled, another part of it comes nearer to a point than the corners of its
+/// Where a search starts: at the triangle itself, at the one across an edge, at the nearest vertex
+/// of all. Where a surface is crumpled, another part of it comes nearer to a point than the corners
+/// of its
 /// triangle, and a search that begins there may stay there: then only the first is sure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Start {
@@ -163,14 +170,16 @@ fn points_of_real_meshes_are_their_own_projections() {
     ] {
         let body = Body::new(load(file), 1000);
         assert_eq!(missed::<f64>(&body, 100, &[Itself]), Vec::<String>::new(), "{file}");
-        // In single precision the edges of a few triangles of a hundredth of an edge fall between two triangles.
+        // In single precision the edges of a few triangles of a hundredth of an edge fall between
+        // two triangles.
         let single = missed::<f32>(&body, 100, &[Itself]);
         assert!(single.len() <= 2, "{file}: {single:?}");
         assert_eq!(averages(&body, 100), Vec::<String>::new(), "{file}");
     }
 }
 
-/// Anchors next to vertices go to their partners by every method that interpolates them, in both precisions.
+/// Anchors next to vertices go to their partners by every method that interpolates them, in both
+/// precisions.
 fn anchors_return(source: &Body, target: &Body, faces: &[u32]) {
     let mut random = Random::new(23);
     for (i, distance) in [1e-9, 1e-6, 1e-4, 1e-3].into_iter().enumerate() {
@@ -196,7 +205,8 @@ fn anchors_return(source: &Body, target: &Body, faces: &[u32]) {
                 for (p, image) in points.iter().zip(&images) {
                     let q = image.point().unwrap();
                     let off = distance_squared(&surface.embed(p), &surface.embed(&q)).sqrt();
-                    // Points are packed in single precision; the relaxation of a field gives way by 1e-4 of an edge.
+                    // Points are packed in single precision; the relaxation of a field gives way by
+                    // 1e-4 of an edge.
                     let most = 2e-4 + tolerance::<f32>(&surface, largest, q.face);
                     assert!(
                         off <= most,

@@ -41,11 +41,14 @@ fn the_kernels_agree_with_double_precision_on_real_embeddings() {
     agree(engine, &Scene::real());
 }
 
-/// Images of one vertex on two back ends may lie this far apart, in mean edges of the source: both are within the slack of a border (psi::slack, twice that part of an edge), and what lies off the
-/// surface by half an edge magnifies the rounding of 100 edges in single precision, 1e-5, at most tenfold before a projection is no longer the closest.
+/// Images of one vertex on two back ends may lie this far apart, in mean edges of the source: both
+/// are within the slack of a border (psi::slack, twice that part of an edge), and what lies off the
+/// surface by half an edge magnifies the rounding of 100 edges in single precision, 1e-5, at most
+/// tenfold before a projection is no longer the closest.
 const SAME: f64 = 1e-3;
 
-/// The vertices of which one map is sure and that the other sends elsewhere; and how many neither is sure of.
+/// The vertices of which one map is sure and that the other sends elsewhere; and how many neither
+/// is sure of.
 fn disputed(mesh: &Mesh, a: &[PackedImage], b: &[PackedImage]) -> (Vec<usize>, usize) {
     let edge = mesh.mean_edge_length();
     let place = |i: &PackedImage| i.point().map(|p| p.position(mesh));
@@ -58,7 +61,8 @@ fn disputed(mesh: &Mesh, a: &[PackedImage], b: &[PackedImage]) -> (Vec<usize>, u
     (disputed, (0..a.len()).filter(|&v| !valid(&a[v]) && !valid(&b[v])).count())
 }
 
-/// Fields made for themselves in double precision, in single precision and on the device send every vertex to the same place, or none of them vouches for it.
+/// Fields made for themselves in double precision, in single precision and on the device send every
+/// vertex to the same place, or none of them vouches for it.
 fn back_ends_agree(engine: &Engine, scene: &Scene) {
     let (source, target) = scene.shapes();
     let points: Vec<PackedPoint> = (0..target.mesh.vertex_count() as u32)

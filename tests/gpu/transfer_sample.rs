@@ -100,7 +100,8 @@ fn allowed(f: &Footprint, chain: &MipChain<'_>, params: &SampleParams) -> (f64, 
     let turn = (4.0 * EPSILON * wide * wide / root.max(f64::MIN_POSITIVE)).min(1.0);
     let offsets =
         if params.filter == Filter::Anisotropic { turn * (wide - narrow) + 4.0 * EPSILON * wide } else { 0.0 };
-    // Repeats are taken to the picture, mirrored ones to it and the next; a picture that ends is left where the footprint lies.
+    // Repeats are taken to the picture, mirrored ones to it and the next; a picture that ends is
+    // left where the footprint lies.
     let sides = [0, 1].map(|a| match chain.wrap[a] {
         Wrap::Repeat => size[a],
         Wrap::Mirror => 2.0 * size[a],

@@ -27,7 +27,8 @@ pub(crate) struct Arguments {
     /// Pairs of anchors: JSON, lines `iS iT`, or two files `S.vts,T.vts`
     #[arg(long)]
     anchors: String,
-    /// Data of the source's vertices: CSV, NPY or PLY, or GLB with a skin for --kind weights; repeat for more, with as many -o
+    /// Data of the source's vertices: CSV, NPY or PLY, or GLB with a skin for --kind weights;
+    /// repeat for more, with as many -o
     #[arg(long, required = true, num_args = 1..)]
     attributes: Vec<PathBuf>,
     /// What a file holds, once per file in their order; files without hold scalars
@@ -42,7 +43,8 @@ pub(crate) struct Arguments {
     /// What vertices get that the map does not vouch for
     #[arg(long, value_enum, default_value = "smooth")]
     fill: FillName,
-    /// The data on the target's vertices: CSV, NPY or PLY, or for --kind weights the target as GLB with joints; one for
+    /// The data on the target's vertices: CSV, NPY or PLY, or for --kind weights the target as GLB
+    /// with joints; one for
     /// each file
     #[arg(long, short, required = true, num_args = 1..)]
     output: Vec<PathBuf>,
@@ -157,7 +159,8 @@ struct Given {
 }
 
 impl Given {
-    /// Its numbers, if it has any, and each column of text: names of parts, whatever the numbers are.
+    /// Its numbers, if it has any, and each column of text: names of parts, whatever the numbers
+    /// are.
     fn attributes(&self) -> Vec<Attribute> {
         let name = self.name.clone();
         let numbers = Attribute {

@@ -25,7 +25,8 @@ pub(crate) struct Arguments {
     /// The same cage, deformed
     #[arg(long)]
     to: PathBuf,
-    /// The deformed model: OBJ, PLY with positions and faces, or GLB, which keeps what a glTF input has beside the mesh
+    /// The deformed model: OBJ, PLY with positions and faces, or GLB, which keeps what a glTF input
+    /// has beside the mesh
     #[arg(long, short)]
     output: PathBuf,
     /// How the vertices of the cage move from one to the other: by mean-value encoding, which keeps turns, or straight

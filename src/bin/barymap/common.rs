@@ -35,7 +35,8 @@ pub(crate) struct Common {
     /// Memory that a transfer may use, in bytes or with K, M, G
     #[arg(long, default_value = "4G", value_parser = bytes, global = true)]
     pub(crate) memory: u64,
-    /// Which axis of the meshes points up (y if not given): pictures show it upright, and glTF, which is y up, is written turned
+    /// Which axis of the meshes points up (y if not given): pictures show it upright, and glTF,
+    /// which is y up, is written turned
     #[arg(long, value_enum, global = true)]
     pub(crate) up: Option<UpName>,
     /// Neither read nor write cached embeddings and hierarchies
@@ -44,11 +45,13 @@ pub(crate) struct Common {
     /// Say nothing but errors
     #[arg(long, short, global = true)]
     pub(crate) quiet: bool,
-    /// Join open edges of a mesh that lie within this distance of one another, which keeps vertex numbers; 0 joins
+    /// Join open edges of a mesh that lie within this distance of one another, which keeps vertex
+    /// numbers; 0 joins
     /// those on one another, no joins none
     #[arg(long, value_name = "TOLERANCE|no", default_value = "0", value_parser = weld, global = true)]
     pub(crate) weld: Weld,
-    /// Which set of texture coordinates of glTF files is used: one number, or the source's and the target's. Without it, the
+    /// Which set of texture coordinates of glTF files is used: one number, or the source's and the
+    /// target's. Without it, the
     /// one that the material's base colour has
     #[arg(long, value_name = "N[,N]", value_delimiter = ',', num_args = 1..=2, global = true)]
     pub(crate) uv_set: Vec<usize>,
@@ -131,7 +134,8 @@ pub(crate) struct Session<'a> {
     pub(crate) field: Option<Value>,
     /// What became of the alignment of its embeddings, for the report.
     pub(crate) alignment: Option<Value>,
-    /// Points of the map that kernels handed back to the CPU, for the report; none where no kernel mapped any.
+    /// Points of the map that kernels handed back to the CPU, for the report; none where no kernel
+    /// mapped any.
     pub(crate) handed_back: Option<u64>,
     cache: Cache,
 }
@@ -188,7 +192,8 @@ impl<'a> Session<'a> {
         if self.common.up == Some(UpName::Z) { UpAxis::Z } else { UpAxis::Y }
     }
 
-    /// A note where a mesh seems to stand along z and no axis is given. For commands whose pictures or files depend on it.
+    /// A note where a mesh seems to stand along z and no axis is given. For commands whose pictures
+    /// or files depend on it.
     pub(crate) fn warn_of_up(&self, mesh: &Mesh) {
         if self.common.up.is_none() && stands_along_z(mesh) {
             self.warn(&format!(
@@ -293,7 +298,8 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// The beginning of every report. The back end is the one that did the work: the CPU where no kernel ran.
+    /// The beginning of every report. The back end is the one that did the work: the CPU where no
+    /// kernel ran.
     pub(crate) fn report(&self, command: &str) -> Value {
         let on_device = self.watch.stages().iter().any(|s| s.on_device);
         let cpu = (self.engine.gpu().is_some() && !on_device).then(Engine::cpu);

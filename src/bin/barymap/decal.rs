@@ -33,7 +33,8 @@ pub(crate) struct Arguments {
     /// The mesh's texture so far; without it the result is the decal alone on transparent ground
     #[arg(long)]
     texture: Option<PathBuf>,
-    /// The texture with the decal: PNG, JPEG, TIFF, EXR, WebP, TGA or BMP; or the mesh with the decal's texture coordinates: OBJ
+    /// The texture with the decal: PNG, JPEG, TIFF, EXR, WebP, TGA or BMP; or the mesh with the
+    /// decal's texture coordinates: OBJ
     #[arg(long, short)]
     output: PathBuf,
     /// How coordinates spread from the anchors
@@ -188,7 +189,8 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     session.write_report(&report)
 }
 
-/// What is told of the result: what the texture's file tells, or of the decal's what its colours mean.
+/// What is told of the result: what the texture's file tells, or of the decal's what its colours
+/// mean.
 fn metadata(
     arguments: &Arguments,
     picture: Option<&Picture>,
@@ -215,7 +217,8 @@ fn material(surface: &Surface, name: &str) -> Result<u32> {
     })
 }
 
-/// The mesh with places in its pictures as texture coordinates: a decal is drawn where the material shows the texel.
+/// The mesh with places in its pictures as texture coordinates: a decal is drawn where the material
+/// shows the texel.
 fn placed<'m>(mesh: &'m Mesh, session: &Session<'_>) -> Cow<'m, Mesh> {
     let placements: Vec<Placement> = mesh.materials.iter().map(|m| m.base_color_placement).collect();
     if placements.iter().any(|p| p.wrap.contains(&Wrap::Mirror)) {

@@ -32,7 +32,8 @@ pub(crate) struct Arguments {
     /// Sweeps of Gauss-Seidel at the end, as in the paper
     #[arg(long, default_value_t = 0)]
     sweeps: usize,
-    /// The posed mesh: OBJ, PLY with positions and faces, or GLB, which keeps what a glTF input has beside the mesh
+    /// The posed mesh: OBJ, PLY with positions and faces, or GLB, which keeps what a glTF input has
+    /// beside the mesh
     #[arg(long, short)]
     output: PathBuf,
 }

@@ -28,7 +28,8 @@ pub(crate) struct Arguments {
     /// The map: CSV, a row per target vertex or per point
     #[arg(long, short)]
     output: PathBuf,
-    /// Points of the target instead of its vertices: CSV with the columns face, b0, b1 and b2; others are kept
+    /// Points of the target instead of its vertices: CSV with the columns face, b0, b1 and b2;
+    /// others are kept
     #[arg(long)]
     points: Option<PathBuf>,
     #[command(flatten)]

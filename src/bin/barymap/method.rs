@@ -56,7 +56,8 @@ impl MethodArguments {
         }
     }
 
-    /// The method for a source that is no surface: radial basis functions where another one is asked for.
+    /// The method for a source that is no surface: radial basis functions where another one is
+    /// asked for.
     pub(crate) fn for_points(self) -> Self {
         match self.method {
             MethodName::Rbf | MethodName::Closest => Self { relax: Some(false), ..self },

@@ -56,7 +56,8 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let single = arguments.texture.as_ref().map(|p| to_rgba(&session.texture(p)?.image)).transpose()?;
     let own = match (&single, own_textures(&surface)) {
         (None, Ok(own)) => Some(own),
-        // A file without textures and colours is no fault; one whose textures cannot be read is told.
+        // A file without textures and colours is no fault; one whose textures cannot be read is
+        // told.
         (None, Err(error)) if !matches!(error, Error::Option { .. }) => {
             session.warn(&format!("shown without its textures: {error}"));
             None

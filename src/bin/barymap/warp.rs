@@ -27,7 +27,8 @@ const GRID_CELLS: u32 = 24;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    /// The picture: PNG, JPEG, TIFF, EXR, WebP, TGA, BMP, GIF, QOI, HDR or PNM; of an EXR file FILE.exr:LAYER names a layer or channel
+    /// The picture: PNG, JPEG, TIFF, EXR, WebP, TGA, BMP, GIF, QOI, HDR or PNM; of an EXR file
+    /// FILE.exr:LAYER names a layer or channel
     image: PathBuf,
     /// The warped picture: PNG, JPEG, TIFF, EXR, WebP, TGA, BMP or QOI
     #[arg(long, short)]

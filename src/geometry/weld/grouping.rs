@@ -4,11 +4,14 @@ use super::sides::{Pair, Side};
 use crate::geometry::Topology;
 use crate::geometry::union_find::UnionFind;
 
-/// The representative of every vertex once all `pairs` are joined that leave the surface a surface; and the number of
+/// The representative of every vertex once all `pairs` are joined that leave the surface a surface;
+/// and the number of
 /// pairs that are one edge then.
 ///
-/// A set of vertices is taken apart again if a triangle would have two corners in it, or if an inner edge that ends in
-/// it would get more triangles than its two. Each round takes some apart, so there is an end; one round is the rule.
+/// A set of vertices is taken apart again if a triangle would have two corners in it, or if an
+/// inner edge that ends in
+/// it would get more triangles than its two. Each round takes some apart, so there is an end; one
+/// round is the rule.
 pub(super) fn representatives(topology: &Topology, sides: &[Side], pairs: &[Pair]) -> (Vec<u32>, usize) {
     let mut apart = vec![false; topology.vertex_count()];
     let mut open = vec![[false; 3]; topology.triangles.len()];
@@ -49,9 +52,11 @@ pub(super) fn representatives(topology: &Topology, sides: &[Side], pairs: &[Pair
     }
 }
 
-/// The sets, of more than one vertex, that make a triangle collapse, or an inner edge lie on another edge.
+/// The sets, of more than one vertex, that make a triangle collapse, or an inner edge lie on
+/// another edge.
 ///
-/// `open[t][k]`: the edge opposite to corner `k` of triangle `t` stays open. Several of those may share their vertices:
+/// `open[t][k]`: the edge opposite to corner `k` of triangle `t` stays open. Several of those may
+/// share their vertices:
 /// the surface is cut there with or without.
 fn faults(topology: &Topology, root: &[u32], open: &[[bool; 3]]) -> Vec<u32> {
     let mut several = vec![false; root.len()];

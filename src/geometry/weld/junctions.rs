@@ -1,4 +1,5 @@
-//! T-junctions: an open edge on one side of a crack, and several shorter ones, end to end, on the other.
+//! T-junctions: an open edge on one side of a crack, and several shorter ones, end to end, on the
+//! other.
 
 use std::collections::HashMap;
 
@@ -6,12 +7,14 @@ use glam::DVec3;
 
 use super::sides::Side;
 
-/// A corner lies on an edge within this part of its length; files round corners to six digits or so.
+/// A corner lies on an edge within this part of its length; files round corners to six digits or
+/// so.
 const ON_EDGE: f64 = 1e-5;
 /// More open edges than this that begin at one place are not looked through.
 const CROWD: usize = 64;
 
-/// How many of the sides `alone` run along several others in the opposite direction. O(n) for any valence.
+/// How many of the sides `alone` run along several others in the opposite direction. O(n) for any
+/// valence.
 pub(super) fn count(sides: &[Side], alone: &[u32], place: &[u32], positions: &[DVec3]) -> usize {
     let mut beginning: HashMap<u32, Vec<u32>> = HashMap::new();
     for &s in alone {

@@ -7,7 +7,8 @@ use super::sides::{Pair, Side};
 use crate::geometry::union_find::UnionFind;
 use crate::geometry::{Mesh, NONE, Topology};
 
-/// Angles of faces around an edge within this are equal: rounding of two cross products of unit vectors.
+/// Angles of faces around an edge within this are equal: rounding of two cross products of unit
+/// vectors.
 const SAME_ANGLE: f64 = 1e-9;
 
 /// Pairs, and what has none.
@@ -73,7 +74,8 @@ pub(super) fn pairs(mesh: &Mesh, topology: &Topology, sides: &[Side], place: &[u
     found
 }
 
-/// How many triangles with the corners of a side's triangle, in the same orientation, come before it.
+/// How many triangles with the corners of a side's triangle, in the same orientation, come before
+/// it.
 fn copies(topology: &Topology, sides: &[Side], place: &[u32]) -> Vec<u32> {
     let mut triangles: Vec<u32> = sides.iter().map(|s| s.triangle).collect();
     triangles.dedup();
@@ -133,9 +135,12 @@ fn pair_within_parts(
 
 /// Pairs the sides around an edge so that each pair has the inside of a body between, if all do.
 ///
-/// Looking along the edge, a side in its direction has the inside on the right of its face and the outside on the
-/// left, where angles grow; an opposite side the other way round. Bodies that touch in the edge have opposite sides
-/// and sides in its direction in turn. Where two faces lie on one another, the body that comes first is closed first.
+/// Looking along the edge, a side in its direction has the inside on the right of its face and the
+/// outside on the
+/// left, where angles grow; an opposite side the other way round. Bodies that touch in the edge
+/// have opposite sides
+/// and sides in its direction in turn. Where two faces lie on one another, the body that comes
+/// first is closed first.
 fn pair_bodies(mesh: &Mesh, sides: &[Side], crowd: &[u32], forward: &impl Fn(u32) -> bool) -> Option<Vec<Pair>> {
     let first = crowd.first().map(|&s| sides[s as usize])?;
     let ends = [first.from, first.to].map(|v| mesh.positions[v as usize]);
@@ -167,7 +172,8 @@ fn pair_bodies(mesh: &Mesh, sides: &[Side], crowd: &[u32], forward: &impl Fn(u32
     in_turn.then(|| (0..n).filter(|&i| !around[i].1).map(|i| (around[i].2, around[(i + 1) % n].2)).collect())
 }
 
-/// Adds pairs of sides that lie on no other but are each other's nearest within `tolerance`. O(n log n).
+/// Adds pairs of sides that lie on no other but are each other's nearest within `tolerance`. O(n
+/// log n).
 pub(super) fn nearest(sides: &[Side], layers: &[&[DVec3]], tolerance: f64, found: &mut Found) {
     let starts: Vec<u32> = found.alone.iter().map(|&s| sides[s as usize].from).collect();
     let grid = Grid::new(&starts, layers[0], tolerance);

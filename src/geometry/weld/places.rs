@@ -12,7 +12,8 @@ use crate::geometry::{NONE, Topology};
 /// A cell of more points than this is too dense for its tolerance: nothing in it is moved.
 const CROWD: usize = 64;
 
-/// The place of every corner of a triangle with an open side; [`NONE`] for all other vertices. O(n log n).
+/// The place of every corner of a triangle with an open side; [`NONE`] for all other vertices. O(n
+/// log n).
 pub(super) fn places(topology: &Topology, sides: &[Side], layers: &[&[DVec3]]) -> Vec<u32> {
     let mut corners: Vec<u32> = sides.iter().flat_map(|s| topology.triangles[s.triangle as usize]).collect();
     corners.sort_unstable();
@@ -55,7 +56,8 @@ fn order_of(layer: &[DVec3], a: u32, b: u32) -> Ordering {
     pairs.into_iter().fold(Ordering::Equal, |order, (x, y)| order.then_with(|| (x + 0.0).total_cmp(&(y + 0.0))))
 }
 
-/// What rounding may do to these positions: a fraction of their diagonal, or a few units in the last place of
+/// What rounding may do to these positions: a fraction of their diagonal, or a few units in the
+/// last place of
 /// coordinates far from the origin. 0 where that is no number.
 fn rounding(layer: &[DVec3], topology: &Topology) -> f64 {
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
@@ -91,7 +93,8 @@ impl Grid {
         (p / self.cell).floor().to_array().map(|x| x as i64)
     }
 
-    /// Visits the indices of all points in the cells within the tolerance of `p`, in an order that depends on the
+    /// Visits the indices of all points in the cells within the tolerance of `p`, in an order that
+    /// depends on the
     /// points alone. Crowded cells are passed over.
     pub(super) fn near(&self, p: DVec3, mut visit: impl FnMut(u32)) {
         if self.entries.is_empty() {

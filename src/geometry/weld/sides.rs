@@ -89,7 +89,8 @@ fn loops(topology: &Topology, sides: &[Side]) -> UnionFind {
     loops
 }
 
-/// The bare edge at the other end of the fan around `v` that begins at the bare edge opposite to corner `k` of `t`.
+/// The bare edge at the other end of the fan around `v` that begins at the bare edge opposite to
+/// corner `k` of `t`.
 fn fan_end(topology: &Topology, mut t: u32, mut k: u32, v: u32) -> (u32, u32) {
     loop {
         let tri = topology.triangles[t as usize];

@@ -16,7 +16,8 @@ fn shattered(welded: &Mesh) -> Mesh {
     rebuilt(welded, |t, _| t as u32)
 }
 
-/// One vertex for every corner of a vertex with another `key(triangle, corner)`, numbered as they come.
+/// One vertex for every corner of a vertex with another `key(triangle, corner)`, numbered as they
+/// come.
 fn rebuilt(welded: &Mesh, key: impl Fn(usize, Corner) -> u32) -> Mesh {
     let mut builder = MeshBuilder::new("rebuilt");
     builder.mesh.texcoords = welded.texcoords.clone();
@@ -35,7 +36,8 @@ fn rebuilt(welded: &Mesh, key: impl Fn(usize, Corner) -> u32) -> Mesh {
     builder.build()
 }
 
-/// The vertices of `mesh` are joined as those of `truth`, whose faces are the same in the same order.
+/// The vertices of `mesh` are joined as those of `truth`, whose faces are the same in the same
+/// order.
 fn assert_joined_as(mesh: &Mesh, truth: &Mesh) {
     let mut here = HashMap::new();
     let mut there = HashMap::new();
@@ -51,7 +53,8 @@ fn diagnosis(mesh: &Mesh) -> Diagnosis {
     Diagnosis::new(mesh, &Topology::new(mesh))
 }
 
-/// A grid of `n` x `n` squares of two triangles with texture coordinates; columns `x` and rows `y` of vertices.
+/// A grid of `n` x `n` squares of two triangles with texture coordinates; columns `x` and rows `y`
+/// of vertices.
 fn grid(n: u32) -> Mesh {
     let mut builder = MeshBuilder::new("grid");
     for y in 0..=n {
@@ -71,7 +74,8 @@ fn grid(n: u32) -> Mesh {
     builder.build()
 }
 
-/// The grid cut along the vertices (1..n, row) of the middle row: those above the cut have vertices of their own.
+/// The grid cut along the vertices (1..n, row) of the middle row: those above the cut have vertices
+/// of their own.
 fn cut_grid(n: u32, columns: std::ops::Range<u32>) -> Mesh {
     let welded = grid(n);
     let row = n / 2;
@@ -108,7 +112,8 @@ fn the_comparison_notices_too_much_and_too_little() {
 
 #[test]
 fn seams_of_one_chart_and_between_charts() {
-    // Pole to pole, one chart: a loop that folds onto itself, with other texture coordinates on both sides.
+    // Pole to pole, one chart: a loop that folds onto itself, with other texture coordinates on
+    // both sides.
     let welded = uv_sphere(1.0, 12, 8);
     let mut seam = rebuilt(&welded, |_, c| c.texcoord);
     assert!(seam.vertex_count() > welded.vertex_count());
@@ -226,7 +231,8 @@ fn bodies_that_touch_stay_apart() {
 
 #[test]
 fn three_sheets_at_an_edge_stay_apart() {
-    // Three pages of two triangles with a common binding of two edges, each face with its own vertices.
+    // Three pages of two triangles with a common binding of two edges, each face with its own
+    // vertices.
     let mut pages = Vec::new();
     for [x, z] in [[1.0, 0.0], [0.0, 1.0], [-1.0, 0.5]] {
         let p = [[0.0; 3], [0.0, 1.0, 0.0], [0.0, 2.0, 0.0], [x, 0.5, z], [x, 1.5, z]];

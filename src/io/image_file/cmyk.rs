@@ -53,7 +53,8 @@ fn profiles(icc: Option<&[u8]>) -> Option<(ColorProfile, ColorProfile)> {
     Some((ColorProfile::new_from_slice(icc).ok()?, ColorProfile::new_srgb()))
 }
 
-/// The amounts of ink that a JPEG file of four components stores. Such files count the other way round, 255 for no ink.
+/// The amounts of ink that a JPEG file of four components stores. Such files count the other way
+/// round, 255 for no ink.
 pub(super) fn jpeg_inks(bytes: &[u8]) -> Result<Vec<u8>, String> {
     let failed = |e: zune_jpeg::errors::DecodeErrors| format!("the picture cannot be read: {e:?}");
     let options = DecoderOptions::default().set_strict_mode(false).set_max_width(65_535).set_max_height(65_535);
@@ -75,7 +76,8 @@ pub(super) fn jpeg_inks(bytes: &[u8]) -> Result<Vec<u8>, String> {
     Ok(samples)
 }
 
-/// Red, green and blue of brightness and two colour differences, as JPEG files store them (ITU T.871).
+/// Red, green and blue of brightness and two colour differences, as JPEG files store them (ITU
+/// T.871).
 pub(super) fn ycc_to_rgb([y, cb, cr]: [u8; 3]) -> [u8; 3] {
     let (y, cb, cr) = (f32::from(y), f32::from(cb) - 128.0, f32::from(cr) - 128.0);
     let rgb = [y + 1.402 * cr, y - 0.344_136 * cb - 0.714_136 * cr, y + 1.772 * cb];

@@ -1,4 +1,5 @@
-//! What a format cannot hold: channels and depths become those it can, and the pixels that change are counted.
+//! What a format cannot hold: channels and depths become those it can, and the pixels that change
+//! are counted.
 
 use std::borrow::Cow;
 
@@ -64,7 +65,8 @@ pub(super) fn fitted(image: &Image, format: Format) -> Result<(Cow<'_, Image>, V
     Ok((Cow::Owned(image.converted(channels, depth)?), notes))
 }
 
-/// Number of pixels whose samples, with 1 as full scale, `has` something. Whole numbers lie in 0..1 and are rounded only to 8 bits.
+/// Number of pixels whose samples, with 1 as full scale, `has` something. Whole numbers lie in 0..1
+/// and are rounded only to 8 bits.
 fn pixels(image: &Image, has: impl Fn(&[f32]) -> bool) -> u64 {
     let channels = image.channels as usize;
     let mut pixel = [0.0; 4];

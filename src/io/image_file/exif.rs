@@ -1,6 +1,7 @@
 //! EXIF blocks: what they say of a picture, and what must change when the picture does.
 //!
-//! A block is changed in place. Makers' notes count places from the beginning of the block, so that one
+//! A block is changed in place. Makers' notes count places from the beginning of the block, so that
+//! one
 //! whose parts move would lose them.
 
 use super::ifd::{Block, EXIF_DIRECTORY, Field, Fields, GPS_DIRECTORY, LONG, SHORT};
@@ -42,7 +43,8 @@ pub(super) fn density_of(block: &Block<'_>, fields: &Fields) -> Option<Density> 
     }
 }
 
-/// The block for the upright picture of this size: orientation normal, no thumbnail, sizes as they are.
+/// The block for the upright picture of this size: orientation normal, no thumbnail, sizes as they
+/// are.
 pub(super) fn finished(bytes: &[u8], width: u32, height: u32) -> Vec<u8> {
     let mut out = bytes.to_vec();
     let Some((block, first)) = Block::open(bytes) else { return out };

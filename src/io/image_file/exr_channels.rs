@@ -42,7 +42,8 @@ pub(super) struct Chosen {
 /// Layers that programs write the whole picture to.
 const WHOLE: [&str; 6] = ["combined", "beauty", "rgba", "image", "composite", "main"];
 
-/// The channels that `wanted` (a layer or a channel) names, else those that show the picture of the file `name`.
+/// The channels that `wanted` (a layer or a channel) names, else those that show the picture of the
+/// file `name`.
 ///
 /// # Errors
 /// If it is not clear which; the sentence lists the channels, and says how one is chosen.

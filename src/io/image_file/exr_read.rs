@@ -18,7 +18,8 @@ use crate::raster::{Image, Pixels};
 /// The largest whole number that a float holds with all below.
 const EXACT: u32 = 1 << 24;
 
-/// Decodes the layer or channel of this name, or what the file shows, from a file that may take `most` bytes; errors are sentences.
+/// Decodes the layer or channel of this name, or what the file shows, from a file that may take
+/// `most` bytes; errors are sentences.
 pub(super) fn read(bytes: &[u8], wanted: Option<&str>, name: &str, most: u64) -> Result<Decoded, String> {
     let failed = |e: exr::error::Error| format!("the picture cannot be read: {e}");
     let reader = exr::block::read(Cursor::new(bytes), false).map_err(failed)?;

@@ -1,4 +1,5 @@
-//! Kinds of picture files: told by content when they are read, by the extension of the name when they
+//! Kinds of picture files: told by content when they are read, by the extension of the name when
+//! they
 //! are written.
 
 use std::path::Path;
@@ -7,7 +8,8 @@ use image::ImageFormat;
 
 use crate::{Error, Result};
 
-/// How a TGA file of version 2 ends, but for a dot and a zero. The format has nothing at its beginning.
+/// How a TGA file of version 2 ends, but for a dot and a zero. The format has nothing at its
+/// beginning.
 const TGA_FOOTER: &[u8] = b"TRUEVISION-XFILE";
 
 /// What can be read, in words.

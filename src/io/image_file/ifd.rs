@@ -83,7 +83,8 @@ impl<'a> Block<'a> {
         Some(if self.little { bytes.iter().rev().fold(0, step) } else { bytes.iter().fold(0, step) })
     }
 
-    /// The tags of the directory at `offset`; those whose values lie outside the block are left out.
+    /// The tags of the directory at `offset`; those whose values lie outside the block are left
+    /// out.
     pub(super) fn directory(&self, offset: u64) -> Option<Fields> {
         let (count_size, entry, inline) = if self.big { (8, 20, 8) } else { (2, 12, 4) };
         let start = usize::try_from(offset).ok()?;
@@ -212,7 +213,8 @@ impl Directory {
         bytes
     }
 
-    /// Appends the directory, its values and the directories inside; returns where it begins. Places count from the beginning of `bytes`,
+    /// Appends the directory, its values and the directories inside; returns where it begins.
+    /// Places count from the beginning of `bytes`,
     /// whose length is even.
     pub(super) fn append(&self, bytes: &mut Vec<u8>) -> u32 {
         let mut entries: Vec<&Entry> = self.entries.iter().collect();
@@ -243,7 +245,8 @@ impl Directory {
     }
 }
 
-/// Appends data at an even place, as the format asks for, and keeps the length even; returns the place.
+/// Appends data at an even place, as the format asks for, and keeps the length even; returns the
+/// place.
 pub(super) fn append_even(bytes: &mut Vec<u8>, data: &[u8]) -> u32 {
     let at = bytes.len();
     bytes.extend_from_slice(data);

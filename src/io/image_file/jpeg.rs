@@ -113,7 +113,8 @@ fn jfif_density(content: &[u8]) -> Option<Density> {
     }
 }
 
-/// Quality that the first table of the segment (brightness) was scaled with, in the scale of the JPEG group's library.
+/// Quality that the first table of the segment (brightness) was scaled with, in the scale of the
+/// JPEG group's library.
 fn quality(content: &[u8]) -> Option<u8> {
     let first = *content.first()?;
     if first & 15 != 0 {
@@ -152,7 +153,8 @@ pub(super) fn write(
         encoder.set_pixel_density(pixel_density(density));
     }
     if let Some(icc) = metadata.profile_for(channels) {
-        // The encoder takes any profile; only one of more than 255 segments is refused, when it is written.
+        // The encoder takes any profile; only one of more than 255 segments is refused, when it is
+        // written.
         let _ = encoder.set_icc_profile(icc.to_vec());
     }
     if let Some(exif) = &metadata.exif {

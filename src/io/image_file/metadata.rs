@@ -4,7 +4,8 @@ use super::format::Format;
 
 /// What a picture file says of its picture, to be written with what becomes of it.
 ///
-/// The orientation is not part of it: pictures are turned as it says when they are read, and written upright.
+/// The orientation is not part of it: pictures are turned as it says when they are read, and
+/// written upright.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Metadata {
     /// ICC profile: what the colours mean.
@@ -15,7 +16,8 @@ pub struct Metadata {
     pub xmp: Option<Vec<u8>>,
     /// Pixels per length.
     pub density: Option<Density>,
-    /// Quality of a JPEG file, 1 to 100, as its quantisation tables tell it; what the next one is written with.
+    /// Quality of a JPEG file, 1 to 100, as its quantisation tables tell it; what the next one is
+    /// written with.
     pub quality: Option<u8>,
     /// Whether the samples of an OpenEXR file are half floats; so are those of the next one.
     pub half: bool,
@@ -69,7 +71,8 @@ impl Density {
 }
 
 impl Metadata {
-    /// What of it holds for another picture made of these colours: a texture of another mesh, for example. Camera, date and place do not.
+    /// What of it holds for another picture made of these colours: a texture of another mesh, for
+    /// example. Camera, date and place do not.
     pub fn of_colors(&self) -> Self {
         Self { icc: self.icc.clone(), quality: self.quality, half: self.half, ..Self::default() }
     }

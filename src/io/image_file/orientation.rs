@@ -76,7 +76,8 @@ mod tests {
 
     #[test]
     fn every_orientation_shows_the_letter_upright() {
-        // What a viewer shows; its first row and first column tell where the rows and columns of the file belong.
+        // What a viewer shows; its first row and first column tell where the rows and columns of
+        // the file belong.
         let shown = Image::new(3, 2, 1, Pixels::U8(vec![1, 2, 3, 4, 5, 6])).unwrap();
         // The standard's words for each value: where row 0 and column 0 of the file are shown.
         let stored: [(u16, u32, [u8; 6]); 8] = [

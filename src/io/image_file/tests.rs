@@ -268,14 +268,16 @@ fn half_floats_stay_half_floats() {
 
 #[test]
 fn a_jpeg_of_four_inks_becomes_rgb_with_a_word() {
-    // Grey of one component, said to be four: the frame and the scan name three more components with the same tables, and the data of
+    // Grey of one component, said to be four: the frame and the scan name three more components
+    // with the same tables, and the data of
     // one 8 x 8 block repeat. An all-zero block is one code for its DC and one for its end.
     let mut bytes = b"\xff\xd8\xff\xee\0\x0eAdobe\0\x64\0\0\0\0\0".to_vec();
     bytes.extend_from_slice(b"\xff\xdb\0\x43\0");
     bytes.extend_from_slice(&[8; 64]);
     bytes.extend_from_slice(b"\xff\xc0\0\x14\x08\0\x08\0\x08\x04");
     (1..=4).for_each(|id| bytes.extend_from_slice(&[id, 0x11, 0]));
-    // Tables with two codes each: 00 for no difference or the end of a block, 01 for a difference of seven bits.
+    // Tables with two codes each: 00 for no difference or the end of a block, 01 for a difference
+    // of seven bits.
     for class in [0u8, 0x10] {
         bytes.extend_from_slice(&[0xff, 0xc4, 0, 21, class, 0, 2]);
         bytes.extend_from_slice(&[0; 14]);
@@ -284,7 +286,8 @@ fn a_jpeg_of_four_inks_becomes_rgb_with_a_word() {
     bytes.extend_from_slice(b"\xff\xda\0\x0e\x04");
     (1..=4).for_each(|id| bytes.extend_from_slice(&[id, 0]));
     bytes.extend_from_slice(&[0, 63, 0]);
-    // Cyan: difference +100 (code 01, bits 1100100), end 00: stored 228. Magenta, yellow: none: 128. Black: +127: 255.
+    // Cyan: difference +100 (code 01, bits 1100100), end 00: stored 228. Magenta, yellow: none: 128.
+    // Black: +127: 255.
     let code = "01".to_owned() + "1100100" + "00" + "00" + "00" + "00" + "00" + "01" + "1111111" + "00";
     let padded = format!("{code:1<32}");
     for k in 0..padded.len() / 8 {

@@ -1,4 +1,5 @@
-//! TIFF files. The crate `tiff` unpacks the samples; what they mean is told here: grey, palettes, RGB, CMYK,
+//! TIFF files. The crate `tiff` unpacks the samples; what they mean is told here: grey, palettes,
+//! RGB, CMYK,
 //! YCbCr, transparency, integers and floats.
 
 use std::io::Cursor;
@@ -146,7 +147,8 @@ fn refuse(block: &Block<'_>, fields: &Fields, meaning: Meaning) -> Result<(), St
 
 /// All samples of all pixels, those of a pixel next to one another.
 fn unpack(bytes: &[u8], block: &Block<'_>, fields: &Fields, needed: u64) -> Result<DecodingResult, String> {
-    // The crate refuses palettes and grey with transparency by what the samples mean. As plain bands all of them are unpacked.
+    // The crate refuses palettes and grey with transparency by what the samples mean. As plain
+    // bands all of them are unpacked.
     let mut plain = bytes.to_vec();
     if let Some(field) = fields.list.iter().find(|f| f.tag == PHOTOMETRIC) {
         let one = if block.little { 1u16.to_le_bytes() } else { 1u16.to_be_bytes() };
@@ -271,7 +273,8 @@ impl File {
         Ok(image)
     }
 
-    /// Grey or RGB of `stride` samples a pixel, the last of which is transparency where there is one more than colours.
+    /// Grey or RGB of `stride` samples a pixel, the last of which is transparency where there is
+    /// one more than colours.
     fn colors(
         &self,
         pixels: Pixels,
@@ -344,7 +347,8 @@ impl File {
     }
 }
 
-/// Samples in one of the depths of pictures. Numbers that are no colours (32 bits, signs) become floats of the same value.
+/// Samples in one of the depths of pictures. Numbers that are no colours (32 bits, signs) become
+/// floats of the same value.
 fn depth(
     raw: DecodingResult,
     bits: u32,
@@ -384,7 +388,8 @@ fn depth(
     Ok(pixels)
 }
 
-/// Samples of less than 8 bits, each row beginning with a byte; scaled to 8 unless they are numbers.
+/// Samples of less than 8 bits, each row beginning with a byte; scaled to 8 unless they are
+/// numbers.
 fn expanded(bytes: &[u8], bits: u32, row: usize, numbers: bool) -> Vec<u8> {
     let stride = (row * bits as usize).div_ceil(8);
     let full = (1u32 << bits) - 1;

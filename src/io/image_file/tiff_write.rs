@@ -1,4 +1,5 @@
-//! TIFF files as they are written: one strip after another without compression, with every tag that came in.
+//! TIFF files as they are written: one strip after another without compression, with every tag that
+//! came in.
 
 use super::ifd::{BYTE, Block, Directory, RATIONAL, UNDEFINED, append_even};
 use super::metadata::{DensityUnit, Metadata};

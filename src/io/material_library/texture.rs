@@ -1,4 +1,5 @@
-//! A statement of an MTL file that names a texture: its options, before or behind the name, and the name itself.
+//! A statement of an MTL file that names a texture: its options, before or behind the name, and the
+//! name itself.
 
 use glam::DVec2;
 
@@ -23,7 +24,8 @@ pub(super) struct TextureStatement {
 }
 
 impl TextureStatement {
-    /// Reads what follows the keyword. A name may hold blanks, a `#`, and what looks like options: the longest reading that
+    /// Reads what follows the keyword. A name may hold blanks, a `#`, and what looks like options:
+    /// the longest reading that
     /// `find` has a file for is taken, the shortest where there is none.
     pub(super) fn read(rest: &[u8], find: impl Fn(&[u8]) -> Located) -> (Self, Located) {
         let mut statement = Self {

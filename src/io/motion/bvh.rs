@@ -2,10 +2,13 @@
 //!
 //! Forward kinematics (Meredith, Maddock, Motion Capture File Formats Explained, 2001): with column vectors a joint's rotation is
 //! `R = R_parent R_1 R_2 R_3` for its rotation channels in the order they are listed, and its position `p = p_parent + R_parent offset`. Position
-//! channels are added to the offset of a root, and take the place of the offset of other joints, as programs write them. Scale channels, which
-//! some programs add, would need bones of changing length: they are passed over, with a note where they are not 1.
+//! channels are added to the offset of a root, and take the place of the offset of other joints, as
+//! programs write them. Scale channels, which
+//! some programs add, would need bones of changing length: they are passed over, with a note where
+//! they are not 1.
 //!
-//! Words are read as programs write them: in any encoding, with or without blanks around braces and colons, with any line ends.
+//! Words are read as programs write them: in any encoding, with or without blanks around braces and
+//! colons, with any line ends.
 
 use std::iter::Peekable;
 use std::path::Path;
@@ -22,7 +25,8 @@ use crate::{Error, Result};
 /// Reads a BVH file; the points are its joints and, called `NAME_end`, the ends of its limbs.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] naming the line, for unknown words, numbers that are none, or a motion without a whole frame.
+/// [`Error::Io`]; [`Error::Format`] naming the line, for unknown words, numbers that are none, or a
+/// motion without a whole frame.
 pub fn read_bvh(path: impl AsRef<Path>) -> Result<Motion> {
     let path = path.as_ref();
     let text = encoding::read_text(path)?;
@@ -133,7 +137,8 @@ impl<'a> Words<'a> {
     }
 }
 
-/// A word without blanks as the words that it stands for: braces, and keys with what follows their colon.
+/// A word without blanks as the words that it stands for: braces, and keys with what follows their
+/// colon.
 fn apart(word: &str) -> impl Iterator<Item = &str> {
     let mut rest = word;
     std::iter::from_fn(move || {

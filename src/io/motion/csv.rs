@@ -1,8 +1,10 @@
 //! CSV: markers as a table.
 //!
 //! Wide, one row a frame: `time,LKNE.x,LKNE.y,LKNE.z,...` (`_x`, `:x`, ` x` and capitals are as good). Long, one row a marker and frame:
-//! `time,marker,x,y,z`. The first column may be `frame` instead of `time`, or there may be both. The file is a [`Table`] of any dialect; empty cells are
-//! gaps. Comments begin with `#`; `# rate: 120` and `# units: mm` tell what columns cannot. Tables of Motive (OptiTrack) are read by [`super::optitrack`].
+//! `time,marker,x,y,z`. The first column may be `frame` instead of `time`, or there may be both.
+//! The file is a [`Table`] of any dialect; empty cells are
+//! gaps. Comments begin with `#`; `# rate: 120` and `# units: mm` tell what columns cannot. Tables
+//! of Motive (OptiTrack) are read by [`super::optitrack`].
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;

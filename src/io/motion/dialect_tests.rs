@@ -116,7 +116,8 @@ fn csv_is_read_in_the_dialects_of_spreadsheets() {
     assert!(mixed.contains("line 3") && mixed.contains("decimal point"), "{mixed}");
 }
 
-/// A take of Motive: a rigid body that turns, a marker that the body predicts, and two that are measured.
+/// A take of Motive: a rigid body that turns, a marker that the body predicts, and two that are
+/// measured.
 const MOTIVE: &str = "Format Version,1.23,Take Name,walk,Take Notes,,Capture Frame Rate,240.000000,Export Frame Rate,120.000000,\
     Total Exported Frames,3,Rotation Type,Quaternion,Length Units,Millimeters,Coordinate Space,Global\n\n\
     ,Type,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body Marker,Rigid Body Marker,Rigid Body Marker,Rigid Body Marker,Marker,Marker,Marker,Marker,Marker,Marker\n\

@@ -1,4 +1,5 @@
-//! CSV as Motive (OptiTrack) exports it: rows of kinds, names, numbers and properties above the columns.
+//! CSV as Motive (OptiTrack) exports it: rows of kinds, names, numbers and properties above the
+//! columns.
 //!
 //! ```text
 //! Format Version,1.23,Take Name,walk,...,Export Frame Rate,120.0,...,Length Units,Meters,Coordinate Space,Global
@@ -9,7 +10,8 @@
 //! Frame,Time (Seconds),X,Y,...,X,Y,Z
 //! ```
 //!
-//! Older versions leave the words `Type`, `Name` and `ID` out, newer ones add a row `Parent`. Rigid bodies and bones are points at their pivots.
+//! Older versions leave the words `Type`, `Name` and `ID` out, newer ones add a row `Parent`. Rigid
+//! bodies and bones are points at their pivots.
 
 use super::csv::{Row, assemble, point};
 use super::{Motion, check_size, unit};
@@ -27,7 +29,8 @@ pub(super) fn is_motive(table: &Table) -> bool {
 /// Reads such a table.
 ///
 /// # Errors
-/// [`Error::Format`] naming the line: no row that begins with `Frame`, no positions, a cell that is no number.
+/// [`Error::Format`] naming the line: no row that begins with `Frame`, no positions, a cell that is
+/// no number.
 pub(super) fn parse(mut table: Table) -> Result<Motion> {
     let path = table.path().to_path_buf();
     let head = (0..table.len()).find(|&r| table.cell(r, 0).eq_ignore_ascii_case("frame"));

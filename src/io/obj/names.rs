@@ -1,4 +1,5 @@
-//! Names in an OBJ file: groups, and materials that are found in libraries once the whole file is read.
+//! Names in an OBJ file: groups, and materials that are found in libraries once the whole file is
+//! read.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -9,7 +10,8 @@ use crate::io::material_library::{self, LibraryMaterial};
 use crate::io::source::Notes;
 use crate::io::spelling::{self, Spellings};
 
-/// A material as the faces refer to it: by name, at a place among the statements that name libraries.
+/// A material as the faces refer to it: by name, at a place among the statements that name
+/// libraries.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 struct Use {
     name: Vec<u8>,
@@ -47,7 +49,8 @@ impl Names {
         index
     }
 
-    /// Number of a material that faces use, to be resolved by [`Names::finish`]; [`NONE`] without a name.
+    /// Number of a material that faces use, to be resolved by [`Names::finish`]; [`NONE`] without a
+    /// name.
     pub(super) fn material(&mut self, name: &[u8]) -> u32 {
         if name.is_empty() {
             return NONE;
@@ -86,8 +89,10 @@ impl Names {
         self.statements.push(statement);
     }
 
-    /// The material that a use means: that of the last `mtllib` before it, then of those before that one, then of later
-    /// ones; within a statement the first library that has it (as the format says). Spelt alike first, else alike
+    /// The material that a use means: that of the last `mtllib` before it, then of those before
+    /// that one, then of later
+    /// ones; within a statement the first library that has it (as the format says). Spelt alike
+    /// first, else alike
     /// without quotation marks and comments.
     fn resolve(&self, used: &Use) -> Option<Entry> {
         let before = (0..used.before.min(self.statements.len())).rev();
@@ -102,7 +107,8 @@ impl Names {
             .or_else(|| find(&|name| plain_name(name) == plain))
     }
 
-    /// Gives the mesh its groups and materials. All materials of the libraries come first, in file order, those of one
+    /// Gives the mesh its groups and materials. All materials of the libraries come first, in file
+    /// order, those of one
     /// name once unless faces mean both; then what no library defines.
     pub(super) fn finish(self, builder: &mut MeshBuilder, notes: &mut Notes) {
         let resolved: Vec<Option<Entry>> = self.uses.iter().map(|u| self.resolve(u)).collect();
@@ -134,7 +140,8 @@ impl Names {
                     let name = spellings.text(plain_name(&entry.name));
                     notes.say(format!("material {name:?} is defined twice: faces show the definition of their mtllib"));
                 }
-                // Its whole line is the name if faces spell it so; else a comment or quotation marks stand beside it.
+                // Its whole line is the name if faces spell it so; else a comment or quotation
+                // marks stand beside it.
                 let whole = wanted.iter().any(|u| u.name == entry.name);
                 let name = spellings.text(if whole { &entry.name } else { plain_name(&entry.name) });
                 place.insert((l, k), next);
@@ -179,7 +186,8 @@ pub(in crate::io) fn comment_start(text: &[u8]) -> Option<usize> {
     (1..text.len()).find(|&k| text[k] == b'#' && text[k - 1].is_ascii_whitespace())
 }
 
-/// The files of a `mtllib` statement: in quotation marks, or as many words as name a file, the most that do.
+/// The files of a `mtllib` statement: in quotation marks, or as many words as name a file, the most
+/// that do.
 fn library_files(file: &Path, names: &[u8]) -> Vec<(Vec<u8>, Located)> {
     let mut files = Vec::new();
     let mut rest = names.trim_ascii();

@@ -7,8 +7,10 @@ use crate::geometry::Polygon;
 
 /// Local coordinates of one polygon: `(p - vertex - middle) * scale`.
 ///
-/// Local coordinates are 0 at the centre of the polygon's bounding box. It is told by a vertex and the way from there, so that it
-/// does not round where the polygon is far away ([`crate::geometry::frame`]); the scale is common to all polygons of a composite map, so that a
+/// Local coordinates are 0 at the centre of the polygon's bounding box. It is told by a vertex and
+/// the way from there, so that it
+/// does not round where the polygon is far away ([`crate::geometry::frame`]); the scale is common
+/// to all polygons of a composite map, so that a
 /// step goes from one frame to the next with no conversion: its displacements are differences of local coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {

@@ -4,10 +4,12 @@ use glam::DVec3;
 
 use crate::engine::Real;
 
-/// Local coordinates of one polyhedron: `(p - vertex - middle) * scale`, as [`super::super::plane::Frame`].
+/// Local coordinates of one polyhedron: `(p - vertex - middle) * scale`, as
+/// [`super::super::plane::Frame`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
-    /// A vertex, and the way from it to the centre of the bounding box, whose local coordinates are 0 ([`crate::geometry::frame`]).
+    /// A vertex, and the way from it to the centre of the bounding box, whose local coordinates are
+    /// 0 ([`crate::geometry::frame`]).
     vertex: DVec3,
     middle: DVec3,
     /// Local units in one unit of the file, common to all polyhedra of a composite map.

@@ -11,7 +11,8 @@ use crate::surface::packed::{PackedImage, PackedPoint, PointMap, Status};
 
 use super::{Method, Shape, check_faces};
 
-/// Part of the widest direction of some anchors below which they do not span a direction: more than the rounding of coordinates
+/// Part of the widest direction of some anchors below which they do not span a direction: more than
+/// the rounding of coordinates
 /// 1e7 sizes from the origin.
 const RANK: f64 = 1e-7;
 
@@ -129,8 +130,10 @@ fn covariance((from, a): (&[DVec3], DVec3), (to, b): (&[DVec3], DVec3)) -> Matri
 }
 
 impl Similarity {
-    /// The similarity that fits the anchors best in the least squares sense, a reflection where that fits better (mirrored pairs). Where fewer
-    /// than three anchors leave the rotation open nothing turns; where they lie at one place lengths grow by `usual`.
+    /// The similarity that fits the anchors best in the least squares sense, a reflection where
+    /// that fits better (mirrored pairs). Where fewer
+    /// than three anchors leave the rotation open nothing turns; where they lie at one place
+    /// lengths grow by `usual`.
     pub(super) fn fit(from: &[DVec3], to: &[DVec3], usual: f64) -> Self {
         let (a, b) = (mean(from), mean(to));
         let (sa, sb) = (spread(from, a), spread(to, b));
@@ -146,7 +149,9 @@ impl Similarity {
         Self { rotation, scale, from: a, to: b }
     }
 
-    /// The similarity of some of the points, mirrored as this one is and no more than twice as large or small: where the points leave it open, this one's rotation and scale, which count as `prior` of
+    /// The similarity of some of the points, mirrored as this one is and no more than twice as
+    /// large or small: where the points leave it open, this one's rotation and scale, which count
+    /// as `prior` of
     /// their covariance.
     pub(super) fn local(&self, from: &[DVec3], to: &[DVec3], prior: f64) -> Self {
         if from.is_empty() {
@@ -179,7 +184,8 @@ impl Similarity {
 }
 
 /// Linear kernel `|x - t_i|` with an affine part, interpolating. Coincident anchors are merged to their mean; where the anchors do not span space, the
-/// affine part is the one of least norm. Directions that they span by less than [`RANK`] count as none: those of a tilted plane are rounding.
+/// affine part is the one of least norm. Directions that they span by less than [`RANK`] count as
+/// none: those of a tilted plane are rounding.
 fn radial(from: &[DVec3], to: &[DVec3]) -> Result<Warp> {
     let origin = mean(from);
     let extent = spread(from, origin);
@@ -274,7 +280,8 @@ mod tests {
         let local = whole.local(&from, &turned, 0.01);
         assert!((local.scale - 2.4).abs() < 1e-9);
         assert!(from.iter().zip(&turned).all(|(p, q)| local.apply(*p).distance(*q) < 0.3));
-        // One point, or points on a line, leave the turn open; never a mirror image; the scale stays within a factor of two.
+        // One point, or points on a line, leave the turn open; never a mirror image; the scale
+        // stays within a factor of two.
         let one = whole.local(&from[..1], &turned[..1], 0.01);
         assert!(one.apply(from[0] + DVec3::X).distance(turned[0] + 2.0 * DVec3::X) < 1e-9);
         let flat: Vec<DVec3> = from.iter().map(|p| DVec3::new(p.x, p.y, 0.0)).collect();

@@ -9,7 +9,8 @@ use crate::surface::field::FieldReport;
 use crate::surface::packed::{PackedImage, PackedPoint, Status};
 use crate::surface::quality::{flipped, normal_at, vertex_normals};
 
-/// Confidence of what is doubtful for another reason than its own evidence, at most: well below what counts as valid.
+/// Confidence of what is doubtful for another reason than its own evidence, at most: well below
+/// what counts as valid.
 pub(super) const DOUBT: f32 = 0.25;
 
 /// A map whose turned triangles are known: their points, corners included, are doubtful at best.

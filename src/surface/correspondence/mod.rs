@@ -108,7 +108,9 @@ impl Default for CorrespondenceOptions {
 
 /// The map from the target to the source on the CPU.
 ///
-/// Whatever the method, points in triangles of the target that it turns over are doubtful (with [`CorrespondenceOptions::confidence`]), and parts of the target without an anchor follow the nearest part
+/// Whatever the method, points in triangles of the target that it turns over are doubtful (with
+/// [`CorrespondenceOptions::confidence`]), and parts of the target without an anchor follow the
+/// nearest part
 /// that has one, as a whole; they are doubtful too, and [`AnchorPairs::check`] names them.
 ///
 /// # Errors
@@ -123,7 +125,8 @@ pub fn correspondence(
     completed(source, target, anchors, options, |source, target| on_cpu(source, target, anchors, options))
 }
 
-/// What every method has in common around the map that `make` makes of the parts with anchors: parts without one follow, what is turned over is doubtful.
+/// What every method has in common around the map that `make` makes of the parts with anchors:
+/// parts without one follow, what is turned over is doubtful.
 pub(crate) fn completed(
     source: Shape<'_>,
     target: Shape<'_>,

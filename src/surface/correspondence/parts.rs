@@ -1,8 +1,13 @@
 //! Parts of the target without an anchor: each follows the nearest part that has one.
 //!
-//! A method has nothing to go by on a component of the target (an eye, a button, a boot) that no anchor lies on: embeddings of components are unrelated, and in space the closest point may lie anywhere.
-//! But the part lies somewhere beside a part that is mapped, and goes with it: the similarity that takes the surface around it to its images takes the part along. It ends on the part of the source
-//! that lies there and has its size, where there is one without anchors, else on the source's surface beside it. All of it is doubtful.
+//! A method has nothing to go by on a component of the target (an eye, a button, a boot) that no
+//! anchor lies on: embeddings of components are unrelated, and in space the closest point may lie
+//! anywhere.
+//! But the part lies somewhere beside a part that is mapped, and goes with it: the similarity that
+//! takes the surface around it to its images takes the part along. It ends on the part of the
+//! source
+//! that lies there and has its size, where there is one without anchors, else on the source's
+//! surface beside it. All of it is doubtful.
 
 use std::collections::BTreeMap;
 
@@ -19,13 +24,16 @@ use crate::surface::field::FieldReport;
 use crate::surface::nearest_vertex::NearestVertex;
 use crate::surface::packed::{PackedImage, PackedPoint, Status};
 
-/// Points of a part whose closest points on its neighbour say how it goes, at most; and as many vertices of the neighbour.
+/// Points of a part whose closest points on its neighbour say how it goes, at most; and as many
+/// vertices of the neighbour.
 const SAMPLES: usize = 48;
-/// Part of the spread of those that the similarity of all anchors counts as: it decides only what they leave open.
+/// Part of the spread of those that the similarity of all anchors counts as: it decides only what
+/// they leave open.
 const PRIOR: f64 = 0.05;
 /// Images farther off than this many times the median are left out of a second fit.
 const OUTLIER: f64 = 3.0;
-/// A part of the source is this one's partner if its centre is not farther from where it should be than both radii, and its radius is within this factor.
+/// A part of the source is this one's partner if its centre is not farther from where it should be
+/// than both radii, and its radius is within this factor.
 const SIZE: f64 = 2.5;
 /// An edge whose image is longer than this many times what the similarity makes of it is a tear.
 const TEAR: f64 = 3.0;
@@ -250,7 +258,8 @@ impl PointMap for Followed {
     }
 }
 
-/// For each part points of the anchored part that comes nearest to it, and their images: those closest to points of the part, which lie as it does, and the vertices nearest to its centre.
+/// For each part points of the anchored part that comes nearest to it, and their images: those
+/// closest to points of the part, which lie as it does, and the vertices nearest to its centre.
 fn around(
     map: &dyn PointMap,
     source: Shape<'_>,
@@ -288,7 +297,8 @@ fn around(
             to.push(q.position(source.mesh));
             *count.entry(source.topology.triangle_component(q.face)).or_insert(0usize) += 1;
         }
-        // The lowest of equally frequent ones; where nothing was found, the first that has an anchor.
+        // The lowest of equally frequent ones; where nothing was found, the first that has an
+        // anchor.
         let frequent = count.into_iter().rev().max_by_key(|c| c.1).map(|c| c.0);
         let first = anchored.on_source.iter().position(|a| *a).unwrap_or(0) as u32;
         all.push(Around { from, to, component: frequent.filter(|&c| c != NONE).unwrap_or(first) });
@@ -296,7 +306,8 @@ fn around(
     Ok(all)
 }
 
-/// The similarity of what is around a part, the whole one where that leaves it open; once more without outliers.
+/// The similarity of what is around a part, the whole one where that leaves it open; once more
+/// without outliers.
 fn fitted(around: &Around, whole: &Similarity) -> Similarity {
     let all = whole.local(&around.from, &around.to, PRIOR);
     let off: Vec<f64> = around.from.iter().zip(&around.to).map(|(p, q)| all.apply(*p).distance(*q)).collect();
@@ -308,7 +319,8 @@ fn fitted(around: &Around, whole: &Similarity) -> Similarity {
     whole.local(&kept(&around.from), &kept(&around.to), PRIOR)
 }
 
-/// For each follower the part of the source that plays its role, if there is one: the pairs that fit best first, each part once, then what is left over with parts that are taken.
+/// For each follower the part of the source that plays its role, if there is one: the pairs that
+/// fit best first, each part once, then what is left over with parts that are taken.
 fn partners(followers: &[Part], similarities: &[Similarity], free: &[Part]) -> Vec<Option<usize>> {
     if free.is_empty() {
         return vec![None; followers.len()];
@@ -340,7 +352,8 @@ fn partners(followers: &[Part], similarities: &[Similarity], free: &[Part]) -> V
     partner
 }
 
-/// Whether the images of two neighbouring vertices of a part lie much farther apart than they should.
+/// Whether the images of two neighbouring vertices of a part lie much farther apart than they
+/// should.
 fn tears(follower: &Follower, part: &Part, surface: &ClosestPoints, source: &Mesh, target: Shape<'_>) -> bool {
     let places: Vec<DVec3> = part.vertices.iter().map(|&v| follower.place(target.mesh.positions[v as usize])).collect();
     let images: Vec<Option<DVec3>> =

@@ -66,7 +66,8 @@ pub(crate) fn least_squares_mesh(
     ))
 }
 
-/// The normal equations of the free vertices: lower half by columns, and right-hand sides. Long rows of M^-1/2 L border them.
+/// The normal equations of the free vertices: lower half by columns, and right-hand sides. Long
+/// rows of M^-1/2 L border them.
 struct System {
     starts: Vec<usize>,
     rows: Vec<usize>,

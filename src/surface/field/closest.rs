@@ -210,8 +210,10 @@ impl<'a, const K: usize> ClosestOnSurface<'a, K> {
         }
     }
 
-    /// A point of an edge or vertex as one of the lowest triangle there. Off a convex part of a surface whole regions are closest to
-    /// an edge: which of its triangles is named would be a matter of rounding, and what is along the surface depends on it.
+    /// A point of an edge or vertex as one of the lowest triangle there. Off a convex part of a
+    /// surface whole regions are closest to
+    /// an edge: which of its triangles is named would be a matter of rounding, and what is along
+    /// the surface depends on it.
     fn lowest(&self, c: Closest) -> Closest {
         let triangles = &self.surface.triangles;
         let corners = triangles[c.face as usize].v;

@@ -360,7 +360,8 @@ impl<S: Real, const K: usize> Field<S, K> {
         &self.z
     }
 
-    /// The same field, its images as they are rounded, projected in double precision: what the decisions of single precision are judged by.
+    /// The same field, its images as they are rounded, projected in double precision: what the
+    /// decisions of single precision are judged by.
     pub fn in_double(&self) -> Field<f64, K> {
         Field {
             source: self.reference.clone(),

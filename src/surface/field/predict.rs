@@ -59,7 +59,8 @@ impl<'a, const D: usize, const M: usize> Predictor<'a, D, M> {
         if self.judged.is_empty() { &self.left_out } else { &self.judged }
     }
 
-    /// Root mean square of the errors of left out anchors, the worst tenth passed over. Infinite where one is no number:
+    /// Root mean square of the errors of left out anchors, the worst tenth passed over. Infinite
+    /// where one is no number:
     /// not even the worst tenth may be, because a mixture leaves out other anchors than this.
     pub(super) fn error(&self) -> f64 {
         let mut squares: Vec<f64> = self.misses().iter().map(|e| e.iter().map(|x| x * x).sum()).collect();

@@ -37,7 +37,8 @@ const HOPELESS: usize = 10;
 /// The images of a target's vertices, as they are repaired.
 pub(super) struct Images<'a, const K: usize> {
     pub(super) shapes: &'a Shapes<'a>,
-    /// The source in double precision, whatever the field projects in: a repair decides by which side of a crease images lie, and must not decide otherwise on another back end.
+    /// The source in double precision, whatever the field projects in: a repair decides by which
+    /// side of a crease images lie, and must not decide otherwise on another back end.
     pub(super) source: &'a PhongSurface<f64, K>,
     pub(super) closest: &'a ClosestOnSurface<'a, K>,
     /// Of each vertex in R^K.

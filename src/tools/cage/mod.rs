@@ -92,7 +92,8 @@ pub fn map_by_cage(
         let what = format!("vertex {v} of the model is not finite");
         return Err(Error::input(what, "Export the model again"));
     }
-    // Everything about a vertex of the source: far from the origin polyhedra on the way would round.
+    // Everything about a vertex of the source: far from the origin polyhedra on the way would
+    // round.
     let origin = Frame::of(cage.source.iter().copied()).origin;
     let local = |points: &[DVec3]| -> Vec<DVec3> { points.iter().map(|p| *p - origin).collect() };
     let near = Cage { triangles: cage.triangles.clone(), source: local(&cage.source), target: local(&cage.target) };

@@ -263,7 +263,8 @@ impl Morpher {
         self.decoder.decode(&held, start, 1.0, quality, true)
     }
 
-    /// Decoded positions in the meshes' units, `at` being the weights of the shapes' places; vertices the hierarchy does not have are blended linearly.
+    /// Decoded positions in the meshes' units, `at` being the weights of the shapes' places;
+    /// vertices the hierarchy does not have are blended linearly.
     fn place<'w>(&self, decoded: &[V3<f64>], at: &[f64], weights: impl Fn(usize) -> &'w [f64]) -> Vec<DVec3> {
         let shared = self.centres[0];
         let centre = shared + self.centres.iter().zip(at).map(|(c, &w)| (*c - shared) * w).sum::<DVec3>();

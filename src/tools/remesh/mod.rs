@@ -144,7 +144,8 @@ impl<'a> Remesher<'a> {
     ///
     /// # Errors
     /// [`Error::Option`] for options out of range; [`Error::Mesh`] naming the face of `base`: fewer than three corners, a vertex twice, corners on different components of the surface, or no face;
-    /// [`Error::Input`] for a vertex of `base` that is not finite or farther from the surface than [`FARTHEST`], or all of them closest to one point; as [`AnyForward::new`].
+    /// [`Error::Input`] for a vertex of `base` that is not finite or farther from the surface than
+    /// [`FARTHEST`], or all of them closest to one point; as [`AnyForward::new`].
     pub fn new(shape: Shape<'a>, base: &Mesh, options: &RemeshOptions) -> Result<Self> {
         if !(options.step > 0.0 && options.step <= 1.0) {
             let what = format!("{} is not above 0 and at most 1", options.step);
@@ -392,7 +393,8 @@ impl<'a> Remesher<'a> {
         self.levels.last().map_or(&self.polygons, |l| &l.polygons)
     }
 
-    /// Places about the origin of the frame: lengths and angles of them do not round far from that of the file.
+    /// Places about the origin of the frame: lengths and angles of them do not round far from that
+    /// of the file.
     fn places(&self, points: &[SurfacePoint]) -> Vec<DVec3> {
         points.iter().map(|p| self.frame.place(p, self.mesh)).collect()
     }

@@ -28,10 +28,12 @@ pub enum Coloring<'a> {
     Plain([u8; 3]),
     /// One texture for all triangles that have texture coordinates (wrapped, row 0 at v = 1); the others are grey.
     Texture(&'a RgbaImage),
-    /// A texture per material by its index; triangles without one are grey. A texture of one texel needs no texture
+    /// A texture per material by its index; triangles without one are grey. A texture of one texel
+    /// needs no texture
     /// coordinates.
     Materials(&'a [Option<PlacedTexture<'a>>]),
-    /// A colour per vertex of the file, sRGB, interpolated; vertices beyond the end of the slice are grey.
+    /// A colour per vertex of the file, sRGB, interpolated; vertices beyond the end of the slice
+    /// are grey.
     Vertices(&'a [[u8; 3]]),
 }
 
@@ -53,7 +55,8 @@ pub struct RenderOptions {
     pub height: u32,
     /// The axis of the mesh that points up in the picture.
     pub up: UpAxis,
-    /// Where the camera stands, degrees around the axis that points up: 0 looks at the front (the +z side, with z up the -y side), 90 at the +x side.
+    /// Where the camera stands, degrees around the axis that points up: 0 looks at the front (the +z
+    /// side, with z up the -y side), 90 at the +x side.
     pub azimuth: f64,
     /// Height of the camera above the horizon, degrees.
     pub elevation: f64,

@@ -4,7 +4,8 @@ use glam::{DVec2, DVec3};
 
 use crate::geometry::{Mesh, NONE};
 
-/// Slack of spans in parts of the largest coordinate: a few times the rounding of an interpolation, far below a sample.
+/// Slack of spans in parts of the largest coordinate: a few times the rounding of an interpolation,
+/// far below a sample.
 const SLACK: f64 = 1e-12;
 
 /// Triangles by the bands of sample rows they touch.
@@ -130,7 +131,8 @@ impl Edges {
         })
     }
 
-    /// First and last place in the row at `y` that the triangle may own, wider than it by more than rounding; the first is beyond the last
+    /// First and last place in the row at `y` that the triangle may own, wider than it by more than
+    /// rounding; the first is beyond the last
     /// where there is none.
     fn span(&self, y: f64) -> (f64, f64) {
         let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);

@@ -16,8 +16,10 @@ pub(super) const CHANNELS: usize = 4;
 
 /// Writes the texels of `rows`: u, v, the coverage over 255, and 1 where there are coordinates; 0 in all of them elsewhere.
 ///
-/// Coordinates are the source file's own for tiles; else places in the picture: those of a triangle are shifted by whole
-/// repeats, and turned over with a mirrored one, so that its centroid lies in the unit square; where the picture ends at
+/// Coordinates are the source file's own for tiles; else places in the picture: those of a triangle
+/// are shifted by whole
+/// repeats, and turned over with a mirrored one, so that its centroid lies in the unit square;
+/// where the picture ends at
 /// its border, they do. u runs right and v up; v = 1 is the top of the picture.
 pub(super) fn write(image: &mut Image, rows: &std::ops::Range<usize>, window: &Window<'_>, lookup: &Lookup<'_>) {
     let (source, table) = (&lookup.mesh, &lookup.table);

@@ -22,11 +22,14 @@ pub struct Layer<'a> {
     pub material_texture: Vec<u32>,
     /// Picture of triangles without material, or whose material is not listed; [`NONE`] if they have none.
     pub default_texture: u32,
-    /// How each picture lies on the source; empty where all lie on its texture coordinates as they are, and repeat. A picture
+    /// How each picture lies on the source; empty where all lie on its texture coordinates as they
+    /// are, and repeat. A picture
     /// that lies differently on two materials is listed twice.
     pub placements: Vec<Placement>,
-    /// Picture of each triangle of the source, [`NONE`] for one without, where materials do not decide it: tiles of UDIM
-    /// textures. These lie on the texture coordinates of the file, each on its unit square, and end at their borders.
+    /// Picture of each triangle of the source, [`NONE`] for one without, where materials do not
+    /// decide it: tiles of UDIM
+    /// textures. These lie on the texture coordinates of the file, each on its unit square, and end
+    /// at their borders.
     pub face_texture: Option<Vec<u32>>,
     /// Colours of the source's vertices (RGBA, 0..1), which are the layer in place of pictures.
     pub vertices: Option<&'a [[f32; 4]]>,
@@ -67,7 +70,8 @@ impl<'a> Layer<'a> {
         }
     }
 
-    /// Whether it shows pictures of more than one texel, for which the source needs texture coordinates.
+    /// Whether it shows pictures of more than one texel, for which the source needs texture
+    /// coordinates.
     pub(super) fn needs_texcoords(&self) -> bool {
         self.images.iter().any(|i| (i.width, i.height) != (1, 1))
     }

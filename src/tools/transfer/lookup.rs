@@ -1,6 +1,8 @@
-//! What layers look up on the source: its triangles with texture coordinates as the layer's pictures lie on them.
+//! What layers look up on the source: its triangles with texture coordinates as the layer's
+//! pictures lie on them.
 //!
-//! Layers whose pictures lie alike share a table, and so the footprints of texels. Others have tables of their own.
+//! Layers whose pictures lie alike share a table, and so the footprints of texels. Others have
+//! tables of their own.
 
 use std::borrow::Cow;
 
@@ -24,7 +26,8 @@ pub(super) struct Lookup<'a> {
 enum Ways {
     /// There are none: vertices have colours.
     Vertices,
-    /// On the texture coordinates as they are. Triangles without show a picture of one colour, or nothing.
+    /// On the texture coordinates as they are. Triangles without show a picture of one colour, or
+    /// nothing.
     Plain { tiled: bool, bare: Vec<u32> },
     /// Each triangle in its own way.
     Placed { ways: Vec<Placement>, bare: Vec<u32> },

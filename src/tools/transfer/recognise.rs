@@ -4,14 +4,16 @@ use crate::raster::Image;
 
 /// Texels that are looked at, at most.
 const LOOKED_AT: usize = 1 << 14;
-/// Lengths of normals may be off by this much: pictures are rounded to eight bits, compressed and reduced.
+/// Lengths of normals may be off by this much: pictures are rounded to eight bits, compressed and
+/// reduced.
 const LENGTH: f32 = 0.15;
 /// Samples that differ by less are equal: grey.
 const GREY: f32 = 3.0 / 255.0;
 /// Share of the texels in use that must be normals.
 const SHARE: f64 = 0.9;
 
-/// Whether a picture holds tangent-space normals: bluish vectors of unit length, and not greys. Black and fully transparent
+/// Whether a picture holds tangent-space normals: bluish vectors of unit length, and not greys.
+/// Black and fully transparent
 /// texels count as unused. O(1): some texels of a regular grid are looked at.
 pub fn holds_normals(image: &Image) -> bool {
     let n = image.channels as usize;

@@ -260,7 +260,8 @@ fn floor(x: f32) -> i32 {
 /// Farther from a picture than this, in its sides, its border is all that a footprint sees.
 const FAR: f32 = 1000.0;
 
-/// A coordinate that shows the same texels, brought near the picture: far off, the fraction of a texel would be lost, and in
+/// A coordinate that shows the same texels, brought near the picture: far off, the fraction of a
+/// texel would be lost, and in
 /// the end the range of integers left.
 #[inline]
 fn near_picture(x: f32, wrap: Wrap) -> f32 {

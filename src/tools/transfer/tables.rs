@@ -44,7 +44,8 @@ pub struct TargetTriangle {
 /// Beyond this, products leave the range of single precision; triangles that thin count as without area.
 const LARGEST: f32 = 1e18;
 
-/// The used vertex nearest to the centre of their box ([`crate::geometry::frame`]) and the factor that makes its longest side 1.
+/// The used vertex nearest to the centre of their box ([`crate::geometry::frame`]) and the factor
+/// that makes its longest side 1.
 fn frame(mesh: &Mesh) -> (DVec3, f64) {
     let centre = Frame::of_mesh(mesh).origin;
     match mesh.bounds() {
@@ -77,7 +78,8 @@ pub struct Shown {
     pub plain: bool,
 }
 
-/// The table of the source; `shown` tells what each triangle shows. With `tiled`, charts end at the borders of unit squares
+/// The table of the source; `shown` tells what each triangle shows. With `tiled`, charts end at the
+/// borders of unit squares
 /// and are shifted by the corners of theirs ([`UvTile`]), so that a picture's own coordinates lie in 0..1.
 ///
 /// # Errors
@@ -158,7 +160,8 @@ pub fn source_triangles(mesh: &Mesh, tiled: bool, shown: impl Fn(usize) -> Shown
     Ok((0..mesh.triangle_count()).map(triangle).collect())
 }
 
-/// The table of a source whose vertices have the colours: texture coordinates are the barycentric coordinates of the second
+/// The table of a source whose vertices have the colours: texture coordinates are the barycentric
+/// coordinates of the second
 /// and third corner.
 ///
 /// # Errors

@@ -25,7 +25,8 @@ pub(super) struct Tally {
 }
 
 impl Tally {
-    /// Counts a band and writes its coverage; `shown` holds the footprints of each layer and the picture of each triangle.
+    /// Counts a band and writes its coverage; `shown` holds the footprints of each layer and the
+    /// picture of each triangle.
     pub(super) fn add(
         &mut self,
         rows: &std::ops::Range<usize>,

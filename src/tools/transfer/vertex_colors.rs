@@ -26,7 +26,8 @@ impl<'a> VertexColors<'a> {
         Self { mesh, colors: colors.iter().map(decode).collect() }
     }
 
-    /// The colours at the centres of footprints in the table of vertices: their texture coordinates are barycentric.
+    /// The colours at the centres of footprints in the table of vertices: their texture coordinates
+    /// are barycentric.
     /// `out` gets `channels` (3 or 4) values a footprint. O(footprints).
     pub(super) fn sample(&self, channels: usize, footprints: &[Footprint], out: &mut [f32]) {
         let tasks = footprints.par_chunks(TASK).zip(out.par_chunks_mut(TASK * channels));

@@ -56,7 +56,8 @@ fn cells(case: &Case, name: &str) -> Vec<Vec<String>> {
     text.lines().map(|line| line.split(separator).map(str::to_owned).collect()).collect()
 }
 
-/// Red rises to the right and green upwards, as the colours of the vertices do; blue is what is left of red's.
+/// Red rises to the right and green upwards, as the colours of the vertices do; blue is what is
+/// left of red's.
 fn bake_vertex_colours(case: &Case) {
     succeeded(case);
     let out = case.folder.image("out.png");
@@ -77,7 +78,8 @@ fn bake_vertex_colours(case: &Case) {
     assert!(right - left > 0.7 && top > 0.8, "{left} {right} {top}");
 }
 
-/// The spine stands on the hips and turns by a quarter about z: its end goes from above to the side of -x.
+/// The spine stands on the hips and turns by a quarter about z: its end goes from above to the side
+/// of -x.
 fn bvh_latin1(case: &Case) {
     succeeded(case);
     let mut frames: Vec<_> =
@@ -285,7 +287,8 @@ fn glb_model_hard_edges(case: &Case) {
     }
 }
 
-/// A cone of 2,000 sides is embedded: all places finite, those of the rim alike, the apex apart from them.
+/// A cone of 2,000 sides is embedded: all places finite, those of the rim alike, the apex apart
+/// from them.
 fn high_valence_fan(case: &Case) {
     succeeded(case);
     let matrix = barymap::io::npy::read_npy(case.folder.path("e.npy")).unwrap();

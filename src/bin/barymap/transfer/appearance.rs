@@ -28,8 +28,10 @@ impl<'a> Appearance<'a> {
         Self { source, used, normals }
     }
 
-    /// Looks at the height textures of materials without a normal texture: `map_Bump` names both kinds. Names those that
-    /// hold normals and are taken as such from now on. What cannot be read is told when it is read as a height.
+    /// Looks at the height textures of materials without a normal texture: `map_Bump` names both
+    /// kinds. Names those that
+    /// hold normals and are taken as such from now on. What cannot be read is told when it is read
+    /// as a height.
     pub(super) fn recognise_normals(&mut self, told: impl Fn(&str)) {
         for (m, material) in self.source.materials.iter().enumerate() {
             let Some(height) = material.texture("height").filter(|_| self.used[m]) else { continue };
@@ -70,7 +72,8 @@ impl<'a> Appearance<'a> {
         self.used().any(|m| self.picture(m, role).is_some())
     }
 
-    /// A picture of one texel for a material without a picture in a role that others have: what a renderer takes then.
+    /// A picture of one texel for a material without a picture in a role that others have: what a
+    /// renderer takes then.
     pub(super) fn colour(&self, m: usize, role: &str) -> Result<Option<Image>> {
         let material = &self.source.materials[m];
         let described = material.has_base_color || !material.statements.is_empty() || material.roles().next().is_some();
@@ -123,8 +126,10 @@ pub(super) fn tiles(content: &TextureContent) -> Option<TextureName> {
     }
 }
 
-/// The factors of a material that multiply its picture in a role, as glTF says (2.0, sections 3.9.2 and 5.19); `None` where
-/// all are 1. Diffuse colours beside a picture are leftovers in most MTL files, and are passed over.
+/// The factors of a material that multiply its picture in a role, as glTF says (2.0, sections 3.9.2
+/// and 5.19); `None` where
+/// all are 1. Diffuse colours beside a picture are leftovers in most MTL files, and are passed
+/// over.
 pub(super) fn factors(role: &str, material: &Material) -> Option<[f32; 4]> {
     let look = &material.look;
     let gltf = material.has_base_color && !material.srgb_base_color;
@@ -140,7 +145,8 @@ pub(super) fn factors(role: &str, material: &Material) -> Option<[f32; 4]> {
     Some(factors).filter(|f| *f != [1.0; 4])
 }
 
-/// Multiplies a picture by its [`factors`]: colours as light, normals and occlusion by their own rules.
+/// Multiplies a picture by its [`factors`]: colours as light, normals and occlusion by their own
+/// rules.
 pub(super) fn multiply(image: &mut Image, role: &str, factors: [f32; 4]) -> Result<()> {
     if image.channels < 3 && role != "occlusion" {
         *image = image.converted(image.channels + 2, image.depth())?;

@@ -153,7 +153,8 @@ impl<'a> Reader<'a> {
         self.source.materials.get(m as usize).map_or_else(Placement::default, |m| m.placement(&self.layer.role))
     }
 
-    /// Reads a picture, or the tiles of one, for the materials that `wanted` names ([`NONE`]: triangles without).
+    /// Reads a picture, or the tiles of one, for the materials that `wanted` names ([`NONE`]:
+    /// triangles without).
     pub(super) fn add(&mut self, name: &TextureName, wanted: impl Fn(u32) -> bool) -> Result<()> {
         let source = self.source;
         let shown = |t: usize| wanted(source.triangle_material(t));

@@ -35,8 +35,10 @@ pub(crate) struct Arguments {
     #[arg(long)]
     source: PathBuf,
     /// A texture of the source: FILE, or for one of its materials MATERIAL=FILE, or in a role (base_color, roughness, normal ...)
-    /// ROLE=FILE or ROLE:MATERIAL=FILE. FILE may be one file a tile: skin.<UDIM>.png, or vertex-colors for the colours of the
-    /// source's vertices. Repeat for several layers. Without it the textures and colours of the source's materials are
+    /// ROLE=FILE or ROLE:MATERIAL=FILE. FILE may be one file a tile: skin.<UDIM>.png, or
+    /// vertex-colors for the colours of the
+    /// source's vertices. Repeat for several layers. Without it the textures and colours of the
+    /// source's materials are
     /// taken, or its vertex colours where no picture is named
     #[arg(long)]
     texture: Vec<String>,
@@ -46,7 +48,8 @@ pub(crate) struct Arguments {
     /// Pairs of anchors: JSON, lines `iS iT`, or two files `S.vts,T.vts`
     #[arg(long)]
     anchors: String,
-    /// The new texture: PNG, JPEG, TIFF, EXR, WebP, TGA or BMP; one for each layer, or one name with <ROLE> for all. With <UDIM> (or <UVTILE>) in the
+    /// The new texture: PNG, JPEG, TIFF, EXR, WebP, TGA or BMP; one for each layer, or one name
+    /// with <ROLE> for all. With <UDIM> (or <UVTILE>) in the
     /// name one file a tile of the target, with <MATERIAL> one a material
     #[arg(long, short, required_unless_present = "model")]
     output: Vec<String>,
@@ -225,7 +228,8 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// The source; triangles among the nearest of its points where the file has coloured points and no faces.
+/// The source; triangles among the nearest of its points where the file has coloured points and no
+/// faces.
 fn source(session: &mut Session<'_>, path: &Path) -> Result<(Surface, bool)> {
     let error = match session.mesh(path) {
         Ok(surface) => return Ok((surface, false)),

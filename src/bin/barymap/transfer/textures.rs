@@ -209,7 +209,8 @@ fn layer(role: &str, requests: &[Request], source: &Mesh, session: &Session<'_>)
     reader.finish()
 }
 
-/// What the source's own materials show as base colour; the colours of its vertices where they name no picture.
+/// What the source's own materials show as base colour; the colours of its vertices where they name
+/// no picture.
 pub(crate) fn own_textures(source: &Surface) -> Result<Textures> {
     let layers = materials_textures(&source.mesh, false, None)?;
     layers.into_iter().next().ok_or_else(|| none(&source.mesh))

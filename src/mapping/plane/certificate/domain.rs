@@ -25,8 +25,10 @@ pub(super) fn point(p: [f64; 2]) -> Vector {
     p.map(Interval::point)
 }
 
-/// Source and target of a step, each scaled by a power of two (exactly) to a size of about 1, and shifted to one of its vertices
-/// where that is exact, too: translations change no Jacobian, and far from the origin enclosures would be as wide as coordinates
+/// Source and target of a step, each scaled by a power of two (exactly) to a size of about 1, and
+/// shifted to one of its vertices
+/// where that is exact, too: translations change no Jacobian, and far from the origin enclosures
+/// would be as wide as coordinates
 /// are rounded.
 #[derive(Clone, Debug)]
 pub(super) struct Domain {

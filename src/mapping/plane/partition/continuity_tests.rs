@@ -1,4 +1,5 @@
-//! A continuous partition moves no point far when the cage moves a little: along ten ways of cages, where another path than before would be taken.
+//! A continuous partition moves no point far when the cage moves a little: along ten ways of cages,
+//! where another path than before would be taken.
 
 use std::f64::consts::PI;
 
@@ -16,7 +17,8 @@ const MOVES: [f64; 2] = [1e-3, 1e-4];
 
 type Ring = Vec<DVec2>;
 
-/// A way of cages, and where on it the path used to change: from the intrinsic to the linear one, or from that to the compatible one.
+/// A way of cages, and where on it the path used to change: from the intrinsic to the linear one,
+/// or from that to the compatible one.
 struct Way {
     name: &'static str,
     switch: f64,
@@ -89,7 +91,8 @@ impl Way {
         ends[0].vertices().zip(ends[1].vertices()).map(|(p, q)| p.distance(q)).fold(0.0, f64::max) / 2e-6
     }
 
-    /// The largest move of a point over `steps` moves of a vertex by `by` around the switch, in `by`.
+    /// The largest move of a point over `steps` moves of a vertex by `by` around the switch, in
+    /// `by`.
     fn largest(&self, options: &PartitionOptions, by: f64, steps: i32) -> f64 {
         let images = |k: i32| {
             let cage = self.cage(self.switch + (f64::from(k) - f64::from(steps) / 2.0) * by / self.speed());

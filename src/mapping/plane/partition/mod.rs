@@ -54,7 +54,8 @@ pub struct PartitionOptions {
     /// The path tried first; see [`partition_with`] for the others.
     pub path: PathKind,
     /// Steps no longer than this are not halved any more, 1e-4..=1; along the path of compatible triangulations, which is tried
-    /// last and is slow where it passes thin parts, and in continuous partitions they may be, to a 65,536th of it, and a note says
+    /// last and is slow where it passes thin parts, and in continuous partitions they may be, to a
+    /// 65,536th of it, and a note says
     /// so.
     pub eps: f64,
     /// How finely the minimum of the Jacobian is searched for.
@@ -143,9 +144,12 @@ pub fn partition(
 ///
 /// Every polygon is checked for simplicity, orientation and nesting before it is used. Where the path has none at a knot, or
 /// where a refinement ends with a step that still folds, the next path is tried in the order intrinsic, linear, compatible, and
-/// a note says so; the last of them may be halved further than `eps`: see [`PartitionOptions::eps`]. A continuous partition takes the
-/// intrinsic or the linear path between relaxed polygons ([`Relaxed`]) and halves steps as far as it needs, since a change of the path is a
-/// jump of the map; only where that path has no polygon it takes the compatible one. If refinement fails on all
+/// a note says so; the last of them may be halved further than `eps`: see
+/// [`PartitionOptions::eps`]. A continuous partition takes the
+/// intrinsic or the linear path between relaxed polygons ([`Relaxed`]) and halves steps as far as
+/// it needs, since a change of the path is a
+/// jump of the map; only where that path has no polygon it takes the compatible one. If refinement
+/// fails on all
 /// of them, the partition of the first that has one is returned with `folds`. The minimum of an interval is asked for once.
 ///
 /// # Errors
@@ -227,7 +231,8 @@ impl Route {
     }
 }
 
-/// The paths to try, in order. A continuous partition keeps to one that is continuous in the cage as long as there is one.
+/// The paths to try, in order. A continuous partition keeps to one that is continuous in the cage
+/// as long as there is one.
 fn routes(options: &PartitionOptions) -> Vec<Route> {
     use PathKind::{Compatible, Intrinsic, Linear};
     let continuous = options.kind == PartitionKind::Continuous;
@@ -242,7 +247,8 @@ fn routes(options: &PartitionOptions) -> Vec<Route> {
     first.into_iter().chain([Route::Plain(Compatible)]).collect()
 }
 
-/// The sentence that names the path in the end, where it is not the first one tried or does not keep to what was asked for.
+/// The sentence that names the path in the end, where it is not the first one tried or does not
+/// keep to what was asked for.
 fn note_of(notes: &[String], kind: PathKind, options: &PartitionOptions, found: &Found) -> Option<String> {
     let finer = found.knots.windows(2).any(|knots| knots[1] - knots[0] < options.eps / 2.0);
     let continuous = options.kind == PartitionKind::Continuous;

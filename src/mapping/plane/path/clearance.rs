@@ -27,7 +27,8 @@ pub(super) fn pairs(polygon: &Polygon) -> Vec<Pair> {
     corners.iter().flat_map(|c| with(c.index, c.ring)).collect()
 }
 
-/// The place on an edge closest to a vertex, as a fraction of its length, and the way from there to the vertex.
+/// The place on an edge closest to a vertex, as a fraction of its length, and the way from there to
+/// the vertex.
 pub(super) fn closest(points: &[DVec2], pair: &Pair) -> (f64, DVec2) {
     let [a, b] = pair.edge.map(|v| points[v]);
     let (edge, to) = (b - a, points[pair.vertex] - a);

@@ -13,13 +13,15 @@ use super::{PathKind, VertexPath};
 
 /// The least weight of an edge's correction, in the largest (Sederberg et al. 1993).
 const LEAST_WEIGHT: f64 = 1e-4;
-/// The part of an edge's length in its weight where the path is to depend continuously on the polygons.
+/// The part of an edge's length in its weight where the path is to depend continuously on the
+/// polygons.
 const STEADY: f64 = 0.25;
 
 /// Which edges take the correction that closes a loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Closing {
-    /// Those whose lengths change most. Where no length changes, this has no limit: which edge takes it depends on which of them
+    /// Those whose lengths change most. Where no length changes, this has no limit: which edge
+    /// takes it depends on which of them
     /// changes by however little.
     Changing,
     /// Longer ones and those that change, by weights that are continuous in the lengths.
@@ -158,7 +160,8 @@ impl Intrinsic {
         Self::closed_by(cage, Closing::Changing)
     }
 
-    /// The path that is continuous in both polygons, as long as none of their edges turns by half a turn on the way.
+    /// The path that is continuous in both polygons, as long as none of their edges turns by half a
+    /// turn on the way.
     pub(super) fn steady(cage: &Cage) -> Self {
         Self::closed_by(cage, Closing::Steady)
     }

@@ -1,9 +1,13 @@
 //! Polygons that move apart from themselves, until they are convex.
 //!
-//! Every vertex is repelled by the edges that do not end there, edges by vertices, by an energy of the kind that unfolds linkages (Cantarella, Demaine,
-//! Iben, O'Brien 2004): a simple polygon that is not convex has an expansive motion (Connelly, Demaine, Rote 2003), and an energy that falls as distances
-//! grow has no rest before that is done. The energy of a pair counts as far as its distance is shorter than the way along the loop (O'Hara 1991), so that
-//! a straight chain of many short edges is at rest. A step moves each vertex by a weighted mean of the distances it is to gain; it never meets an edge. All
+//! Every vertex is repelled by the edges that do not end there, edges by vertices, by an energy of
+//! the kind that unfolds linkages (Cantarella, Demaine,
+//! Iben, O'Brien 2004): a simple polygon that is not convex has an expansive motion (Connelly,
+//! Demaine, Rote 2003), and an energy that falls as distances
+//! grow has no rest before that is done. The energy of a pair counts as far as its distance is
+//! shorter than the way along the loop (O'Hara 1991), so that
+//! a straight chain of many short edges is at rest. A step moves each vertex by a weighted mean of
+//! the distances it is to gain; it never meets an edge. All
 //! of this is as smooth in the polygon as distances are: no choice is made on the way.
 
 use glam::DVec2;
@@ -14,7 +18,8 @@ use crate::geometry::Polygon;
 
 /// Steps from the polygon to the end of its relaxation.
 const STEPS: usize = 128;
-/// The part of the weighted mean that a step moves by; two parts are less than the distance of a pair.
+/// The part of the weighted mean that a step moves by; two parts are less than the distance of a
+/// pair.
 const PACE: f64 = 0.15;
 
 /// A polygon on its way to being convex.
@@ -27,7 +32,8 @@ pub(super) struct Relaxation {
 }
 
 impl Relaxation {
-    /// The relaxation of a simple polygon with these pairs; `None` where double precision does not hold it. O(n^2).
+    /// The relaxation of a simple polygon with these pairs; `None` where double precision does not
+    /// hold it. O(n^2).
     pub(super) fn new(polygon: &Polygon, pairs: &[Pair], outermost: usize) -> Option<Self> {
         let placement = Placement::of(&polygon.loops()[outermost]);
         let normal =
@@ -58,7 +64,8 @@ impl Relaxation {
     }
 }
 
-/// Lengths along every loop, from its first vertex to each, and its whole length, by number of the vertex.
+/// Lengths along every loop, from its first vertex to each, and its whole length, by number of the
+/// vertex.
 fn ways(loops: &[Vec<DVec2>]) -> Vec<(f64, f64)> {
     let mut ways = Vec::new();
     for ring in loops {

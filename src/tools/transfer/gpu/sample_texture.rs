@@ -49,7 +49,8 @@ const LAYOUTS: &[Layout] =
 
 /// Pictures of numbers.
 pub(super) static SAMPLE_TEXTURE: Kernel = variant(&[("WORDS", 0.0), ("MODES", 0.0)]);
-/// Pictures of numbers, of sRGB numbers averaged as light, and of floats; repeating, and with any mode.
+/// Pictures of numbers, of sRGB numbers averaged as light, and of floats; repeating, and with any
+/// mode.
 static VARIANTS: [[Kernel; 2]; 3] = [
     [variant(&[("WORDS", 0.0), ("MODES", 0.0)]), variant(&[("WORDS", 0.0), ("MODES", 1.0)])],
     [variant(&[("WORDS", 1.0), ("MODES", 0.0)]), variant(&[("WORDS", 1.0), ("MODES", 1.0)])],
