@@ -1,8 +1,12 @@
-//! Distance to the truth, distortion and honesty of every method, on pairs whose correspondence is known.
+//! Distance to the truth, distortion and honesty of every method, on pairs whose correspondence is
+//! known.
 //!
-//! `cargo bench --bench accuracy [-- PAIR] [-- --align]`. With `--align` only the field, and beside it the field with the target's embedding aligned, whatever anchors left out say of that, and what they say. With `BARYMAP_DATA` the scanned and modelled pairs, else the built-in characters.
-//! Errors are distances on the source, over the square root of its area, at all vertices of the target; `by area`
-//! weighs each vertex with the area around it, so that finely divided parts do not count more.
+//! `cargo bench --bench accuracy [-- PAIR] [-- --align]`. With `--align` only the field, and beside
+//! it the field with the target's embedding aligned, whatever anchors left out say of that, and
+//! what they say. With `BARYMAP_DATA` the scanned and modelled pairs, else the built-in characters.
+//! Errors are distances on the source, over the square root of its area, at all vertices of the
+//! target; `by area` weighs each vertex with the area around it, so that finely divided parts do
+//! not count more.
 
 mod support;
 

@@ -1,7 +1,7 @@
 //! A walking body by 40 markers: a thousand frames as a sequence, on the CPU.
 //!
-//! `cargo bench --bench animate`. The bar: 1,000 frames of 13,000 vertices in 20 s of CPU time / 2. Beside the time, G of sampled frames over
-//! that of single frames with `Quality::DEFAULT`.
+//! `cargo bench --bench animate`. The bar: 1,000 frames of 13,000 vertices in 20 s of CPU time / 2.
+//! Beside the time, G of sampled frames over that of single frames with `Quality::DEFAULT`.
 
 mod support;
 

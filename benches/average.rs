@@ -1,7 +1,9 @@
-//! Inverse problem fused with the weighted average: SIMD lanes against the scalar forms, in one program.
+//! Inverse problem fused with the weighted average: SIMD lanes against the scalar forms, in one
+//! program.
 //!
-//! `cargo bench --bench average [-- TEXELS]`. Prints process CPU time divided by 2 per texel, best of several rounds after a
-//! warm-up, and the ratio to the f64 scalar weights (the truth). Noise between runs is about 20 %: compare within one.
+//! `cargo bench --bench average [-- TEXELS]`. Prints process CPU time divided by 2 per texel, best
+//! of several rounds after a warm-up, and the ratio to the f64 scalar weights (the truth). Noise
+//! between runs is about 20 %: compare within one.
 
 mod support;
 
@@ -94,7 +96,8 @@ fn scalar<E: Real>(start: Instant, anchors: usize, texels: usize, fused: bool) -
     })
 }
 
-/// A surface in R^8 of 20,480 triangles and points on it: runs of `run` neighbours on one face, as along the rows of an atlas.
+/// A surface in R^8 of 20,480 triangles and points on it: runs of `run` neighbours on one face, as
+/// along the rows of an atlas.
 fn surface<E: Real>(texels: usize, run: usize) -> (PhongSurface<E, D>, Vec<PackedPoint>) {
     let mesh = lobed_sphere(5, 0.3);
     let lifted: Vec<f64> = mesh

@@ -3,9 +3,8 @@
 //!
 //! `cargo bench --bench back_ends [-- PAIR]`. Every pair whose anchors are known, in both
 //! directions, with 27 and 93 anchors far from one another and with those that come with it.
-//! Distances are in mean
-//! edges of the source, at all vertices of the target; `apart` counts those farther than a
-//! thousandth of an edge, `claimed` those of them that either side calls valid.
+//! Distances are in mean edges of the source, at all vertices of the target; `apart` counts those
+//! farther than a thousandth of an edge, `claimed` those of them that either side calls valid.
 
 mod support;
 

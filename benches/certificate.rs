@@ -1,8 +1,9 @@
-//! Certificates: boxes and time to prove that the steps of known partitions do not fold, beside the time to sample the same
-//! minimum on a raster, in one program.
+//! Certificates: boxes and time to prove that the steps of known partitions do not fold, beside the
+//! time to sample the same minimum on a raster, in one program.
 //!
-//! `cargo bench --bench certificate`. Times are process CPU time / 2, the best of several rounds. `bound` is what is proved, `at
-//! most` the least Jacobian met, `sampled` the minimum over a raster of 1024 with vertices and edges, which proves nothing.
+//! `cargo bench --bench certificate`. Times are process CPU time / 2, the best of several rounds.
+//! `bound` is what is proved, `at most` the least Jacobian met, `sampled` the minimum over a raster
+//! of 1024 with vertices and edges, which proves nothing.
 
 mod support;
 

@@ -1,8 +1,9 @@
-//! Inverse and forward problem: 100,000 random points of one mesh (table 1 of Panozzo et al. 2013), and the map between two
-//! surfaces on every back end.
+//! Inverse and forward problem: 100,000 random points of one mesh (table 1 of Panozzo et al. 2013),
+//! and the map between two surfaces on every back end.
 //!
-//! `cargo bench --bench correspondence`. Figures are process CPU time / 2 in ns per point, best of three rounds after a warm-up.
-//! The driver's shader cache is off, so that the first dispatch of each kernel shows what compiling it takes.
+//! `cargo bench --bench correspondence`. Figures are process CPU time / 2 in ns per point, best of
+//! three rounds after a warm-up. The driver's shader cache is off, so that the first dispatch of
+//! each kernel shows what compiling it takes.
 
 mod support;
 
@@ -28,8 +29,9 @@ const ROUNDS: usize = 3;
 /// Points of a task.
 const TASK: usize = 512;
 
-/// One row of table 1: weights of random points as such (f64) and fused with the average (f32 lanes), then the projections of
-/// these averages, searched from the nearest anchor or from the nearest vertex of all.
+/// One row of table 1: weights of random points as such (f64) and fused with the average (f32
+/// lanes), then the projections of these averages, searched from the nearest anchor or from the
+/// nearest vertex of all.
 fn table_row(name: &str, surface: &Surface) -> Result<()> {
     let phong = PhongSurface::<f64, D>::new(&surface.topology, &surface.embedding.points)?;
     let vertices = surface.farthest(ANCHORS);
@@ -88,7 +90,8 @@ fn table_row(name: &str, surface: &Surface) -> Result<()> {
     Ok(())
 }
 
-/// Inverse problem and average alone, in lanes: of the source's anchors, or of the target's own too.
+/// Inverse problem and average alone, in lanes: of the source's anchors, or of the target's own
+/// too.
 fn average<E: LaneScalar>(map: &WeightedAverages<E, D>, points: &[PackedPoint], lists: usize) -> Result<Spent> {
     let images = [map.table.image.as_slice(), map.table.own.as_slice()];
     best(ROUNDS, || {
@@ -106,7 +109,8 @@ fn whole(map: &dyn PointMap, points: &[PackedPoint]) -> Result<Spent> {
     best(ROUNDS, || Ok(map.map(points, &mut images)?))
 }
 
-/// The kernels one by one: what the first dispatch takes with its compilation, and what they take warm.
+/// The kernels one by one: what the first dispatch takes with its compilation, and what they take
+/// warm.
 fn kernels(gpu: &Gpu, map: &WeightedAverages<f32, D>, points: &[PackedPoint], first: bool) -> Result<()> {
     let n = points.len();
     let (target, source) =

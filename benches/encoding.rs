@@ -1,7 +1,9 @@
-//! Mean-value encoding: hierarchy, splits and decodes of the bumpy tube, on the CPU and on a device.
+//! Mean-value encoding: hierarchy, splits and decodes of the bumpy tube, on the CPU and on a
+//! device.
 //!
-//! `cargo bench --bench encoding`. Seconds are the least of several runs where the row says so; CPU time is that of all threads, the
-//! driver's included. Baselines named in the issue: libigl's ten iterations take 0.96 to 1.4 s a frame at 52k vertices.
+//! `cargo bench --bench encoding`. Seconds are the least of several runs where the row says so; CPU
+//! time is that of all threads, the driver's included. Baselines named in the issue: libigl's ten
+//! iterations take 0.96 to 1.4 s a frame at 52k vertices.
 
 #[path = "../tests/common/tube.rs"]
 mod tube;

@@ -1,7 +1,9 @@
-//! The method `field`: preparation, edits of anchors, a texture that follows them, and the map on every back end beside `transport`.
+//! The method `field`: preparation, edits of anchors, a texture that follows them, and the map on
+//! every back end beside `transport`.
 //!
-//! `cargo bench --bench field`. With `BARYMAP_DATA` two people of about 13,000 vertices, else the built-in characters. Figures are process CPU time / 2 (what two idle cores
-//! take at best) and wall time, best of three rounds after a warm-up.
+//! `cargo bench --bench field`. With `BARYMAP_DATA` two people of about 13,000 vertices, else the
+//! built-in characters. Figures are process CPU time / 2 (what two idle cores take at best) and
+//! wall time, best of three rounds after a warm-up.
 
 mod support;
 
@@ -43,7 +45,8 @@ fn pair() -> Result<(Surface, Surface)> {
     }
 }
 
-/// Anchors far from one another on the target; on the source the same vertices where the meshes have them in common, as the people do, else the built-in truth.
+/// Anchors far from one another on the target; on the source the same vertices where the meshes
+/// have them in common, as the people do, else the built-in truth.
 fn anchors(source: &Surface, target: &Surface, count: usize) -> Result<AnchorPairs> {
     if source.mesh.vertex_count() != target.mesh.vertex_count() {
         let (source, target) = character_pair().anchors(count);

@@ -1,7 +1,10 @@
-//! Landmarks of really different animals that a map is not told of: how far along the surface it misses them.
+//! Landmarks of really different animals that a map is not told of: how far along the surface it
+//! misses them.
 //!
-//! `BARYMAP_DATA=... cargo bench --bench held_out`. Four pairs of the SHREC quadrupeds with 21 landmarks, and cat and lion both ways: in three folds two thirds are anchors, the rest is tested.
-//! Errors are geodesic distances on the source over the square root of its area, means over all tested landmarks of a pair.
+//! `BARYMAP_DATA=... cargo bench --bench held_out`. Four pairs of the SHREC quadrupeds with 21
+//! landmarks, and cat and lion both ways: in three folds two thirds are anchors, the rest is
+//! tested. Errors are geodesic distances on the source over the square root of its area, means over
+//! all tested landmarks of a pair.
 
 mod support;
 

@@ -1,8 +1,10 @@
-//! Maps in the plane: points, Jacobians, their minimum, composites; on SIMD lanes and on the device, against equations (8) and
-//! (9) of the paper as printed, in double precision, in one program.
+//! Maps in the plane: points, Jacobians, their minimum, composites; on SIMD lanes and on the
+//! device, against equations (8) and (9) of the paper as printed, in double precision, in one
+//! program.
 //!
-//! `cargo bench --bench plane`. All times are process CPU time / 2, the best of several rounds after a warm-up; the ratio is to the
-//! printed form. Compare within one run. With `MESA_SHADER_CACHE_DISABLE=true` the first dispatch shows what compilation takes.
+//! `cargo bench --bench plane`. All times are process CPU time / 2, the best of several rounds
+//! after a warm-up; the ratio is to the printed form. Compare within one run. With
+//! `MESA_SHADER_CACHE_DISABLE=true` the first dispatch shows what compilation takes.
 
 mod support;
 

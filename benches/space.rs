@@ -1,5 +1,5 @@
-//! Mean value coordinates in space: points through cages of n faces, on lanes, one at a time and on a device, beside the formulas as Ju,
-//! Schaefer and Warren 2005 print them.
+//! Mean value coordinates in space: points through cages of n faces, on lanes, one at a time and on
+//! a device, beside the formulas as Ju, Schaefer and Warren 2005 print them.
 
 use std::hint::black_box;
 use std::time::Instant;

@@ -1,7 +1,9 @@
 //! Splines and quad remeshing on surfaces: points and frames per second.
 //!
-//! `cargo bench --bench spline [-- MESH.obj]`. Without a mesh, a torus of 40,000 faces; the embedding is not timed. Best of several rounds, wall time and process CPU time. The baseline of the splines is the same
-//! averages searched from the nearest vertex each ([`WeightedPoints`]), that of the frames the same averages one by one.
+//! `cargo bench --bench spline [-- MESH.obj]`. Without a mesh, a torus of 40,000 faces; the
+//! embedding is not timed. Best of several rounds, wall time and process CPU time. The baseline of
+//! the splines is the same averages searched from the nearest vertex each ([`WeightedPoints`]),
+//! that of the frames the same averages one by one.
 
 mod support;
 
@@ -43,7 +45,8 @@ fn main() -> Result<()> {
     println!("{}: {} faces, {} threads", mesh.name, mesh.triangle_count(), rayon::current_num_threads());
 
     let splines = SplineSurface::new(shape)?;
-    // Landmarks, each the nearest of those not yet taken to the one before: neighbours are a few edges apart.
+    // Landmarks, each the nearest of those not yet taken to the one before: neighbours are a few
+    // edges apart.
     let mut rest = embedding.landmarks.clone();
     let mut order = vec![rest.swap_remove(0)];
     while order.len() < 24 {

@@ -1,8 +1,8 @@
-//! Texture transfer between the built-in characters: the kernels of its stages beside their references, and the whole at three sizes,
-//! by stage, on the CPU and on a device.
+//! Texture transfer between the built-in characters: the kernels of its stages beside their
+//! references, and the whole at three sizes, by stage, on the CPU and on a device.
 //!
-//! `cargo bench --bench transfer`. Seconds of wall time, and of CPU time / 2; 93 anchors, method `transport` with confidence. Compilation
-//! is timed with the driver's shader cache off.
+//! `cargo bench --bench transfer`. Seconds of wall time, and of CPU time / 2; 93 anchors, method
+//! `transport` with confidence. Compilation is timed with the driver's shader cache off.
 
 mod support;
 
@@ -27,7 +27,8 @@ use support::{Result, Spent, Surface, best, once};
 /// Side of the texture that the kernels are timed on.
 const SIDE: u32 = 2048;
 
-/// The kernels beside their references, on whole textures; a device's times include bringing data there and back.
+/// The kernels beside their references, on whole textures; a device's times include bringing data
+/// there and back.
 fn kernels(gpu: &Gpu, target: &Mesh, texture: &Image) -> Result<()> {
     println!(
         "| stage | first dispatch, wall ms | CPU ms | reference, CPU / 2, ns per texel | device, CPU / 2, ns per texel | device / reference |"

@@ -2,8 +2,7 @@
 //! commands.
 //!
 //! `cargo build --release && cargo bench --bench valence`; the program is taken from `BARYMAP` or
-//! beside this one. Peak memory is
-//! read from /proc on Linux.
+//! beside this one. Peak memory is read from /proc on Linux.
 
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};

@@ -1,8 +1,8 @@
-//! Warping at 1920 x 1080: the filters by themselves, pre-images given, against copying as many pixels one by one, and the whole
-//! with exact pre-images through a cage of 64 vertices.
+//! Warping at 1920 x 1080: the filters by themselves, pre-images given, against copying as many
+//! pixels one by one, and the whole with exact pre-images through a cage of 64 vertices.
 //!
-//! `cargo bench --bench warp`, or `-- filters` for the first of these; `python3 benches/warp_peers.py` puts OpenCV beside them.
-//! CPU time / 2.
+//! `cargo bench --bench warp`, or `-- filters` for the first of these; `python3
+//! benches/warp_peers.py` puts OpenCV beside them. CPU time / 2.
 
 mod support;
 
@@ -62,8 +62,8 @@ fn footprints(band: Band, zoom: f32, filter: Filter) -> (Vec<[i32; 2]>, Footprin
     (bases, all)
 }
 
-/// The least time of a few rounds over all bands of a picture, whose pre-images are made before the clock runs: as in a warp,
-/// they are fresh when they are used.
+/// The least time of a few rounds over all bands of a picture, whose pre-images are made before the
+/// clock runs: as in a warp, they are fresh when they are used.
 fn by_bands(zoom: f32, filter: Filter, mut job: impl FnMut(Band, &[[i32; 2]], Seen<'_>)) -> f64 {
     const ROWS: usize = 135;
     let mut sum = 0.0;
@@ -185,7 +185,8 @@ fn whole() -> Result<()> {
     Ok(())
 }
 
-/// Dragging: the map at the nodes of the lattice again, and a frame from them, against the frame with exact pre-images.
+/// Dragging: the map at the nodes of the lattice again, and a frame from them, against the frame
+/// with exact pre-images.
 fn preview() -> Result<()> {
     let star = |turn: f64| -> Vec<Vec<DVec2>> {
         vec![

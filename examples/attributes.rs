@@ -1,5 +1,6 @@
-//! Data of vertices on a different character: normals as vectors, turned by the map's differential, beside the same numbers carried as they are.
-//! Turned ones stand on the new surface as they stood on the old.
+//! Data of vertices on a different character: normals as vectors, turned by the map's differential,
+//! beside the same numbers carried as they are. Turned ones stand on the new surface as they stood
+//! on the old.
 //!
 //! `cargo run --release --example attributes [PICTURE.png]`
 

@@ -1,5 +1,6 @@
-//! Figure 11 of the mapping paper, on a built-in shape: a model in a cage whose top is twisted, by one mean value mapping and by a composite
-//! of them. The direct map turns parts of the model over; the composite turns none.
+//! Figure 11 of the mapping paper, on a built-in shape: a model in a cage whose top is twisted, by
+//! one mean value mapping and by a composite of them. The direct map turns parts of the model over;
+//! the composite turns none.
 //!
 //! `cargo run --release --example cage_twist [PICTURE.png]`
 

@@ -1,5 +1,6 @@
-//! Figure 10 of the surface paper: a picture laid by four anchors. Left the built-in stout character with a label drawn into the texture it has; right a chequered square on a lobed body, on the
-//! smooth one and on the same with its vertices moved at random by up to one percent.
+//! Figure 10 of the surface paper: a picture laid by four anchors. Left the built-in stout
+//! character with a label drawn into the texture it has; right a chequered square on a lobed body,
+//! on the smooth one and on the same with its vertices moved at random by up to one percent.
 //!
 //! `cargo run --release --example decal [PICTURE.png]`
 

@@ -1,5 +1,7 @@
-//! Figure 10 of the encoding paper: a part of one model pasted onto another by a mask. The second model stands elsewhere and turned; a blend of
-//! positions, even after they were aligned (third picture), mixes the forms; the average of the encodings (fourth) joins the parts without a seam and keeps both in shape.
+//! Figure 10 of the encoding paper: a part of one model pasted onto another by a mask. The second
+//! model stands elsewhere and turned; a blend of positions, even after they were aligned (third
+//! picture), mixes the forms; the average of the encodings (fourth) joins the parts without a seam
+//! and keeps both in shape.
 //!
 //! `cargo run --release --example encoding_blend [PICTURE.png]`
 

@@ -1,5 +1,6 @@
-//! Figure 11 of the encoding paper: a morph whose limbs turn instead of shrinking. The built-in strider becomes a body of other build that stands with the arms
-//! out; above through encodings, below by a blend of positions, in which the raised arm shortens on its way down.
+//! Figure 11 of the encoding paper: a morph whose limbs turn instead of shrinking. The built-in
+//! strider becomes a body of other build that stands with the arms out; above through encodings,
+//! below by a blend of positions, in which the raised arm shortens on its way down.
 //!
 //! `cargo run --release --example encoding_morph [PICTURE.png]`
 

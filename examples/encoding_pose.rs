@@ -1,5 +1,6 @@
-//! Figures 4 and 6 of the encoding paper: large deformations by few vertices. A body raises its arms and bows, held at its hands, head and feet; the bumpy
-//! tube is bent by 120 degrees. Handles are points: their turns follow from the shape.
+//! Figures 4 and 6 of the encoding paper: large deformations by few vertices. A body raises its
+//! arms and bows, held at its hands, head and feet; the bumpy tube is bent by 120 degrees. Handles
+//! are points: their turns follow from the shape.
 //!
 //! `cargo run --release --example encoding_pose [PICTURE.png]`
 

@@ -1,6 +1,7 @@
-//! Figure 3 of the encoding paper: one end of a shape is turned by 90 degrees and held by four vertices at each end. Vertex splits alone leave it rough;
-//! Gauss-Newton smooths it in a few iterations. Below, the turn is 180 degrees: plain encoding keeps the shape of every ring but not its size, and the
-//! waist pinches; with a stiffness for the edges' lengths it does not.
+//! Figure 3 of the encoding paper: one end of a shape is turned by 90 degrees and held by four
+//! vertices at each end. Vertex splits alone leave it rough; Gauss-Newton smooths it in a few
+//! iterations. Below, the turn is 180 degrees: plain encoding keeps the shape of every ring but not
+//! its size, and the waist pinches; with a stiffness for the edges' lengths it does not.
 //!
 //! `cargo run --release --example encoding_twist [PICTURE.png]`
 

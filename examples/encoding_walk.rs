@@ -1,5 +1,5 @@
-//! Figure 8 of the encoding paper: a body walks by 40 markers alone. Above the body the markers were taken from, below what was made of the mesh at rest and
-//! the tracks of the 40 vertices.
+//! Figure 8 of the encoding paper: a body walks by 40 markers alone. Above the body the markers
+//! were taken from, below what was made of the mesh at rest and the tracks of the 40 vertices.
 //!
 //! `cargo run --release --example encoding_walk [PICTURE.png]`
 

@@ -1,5 +1,7 @@
-//! Figure 14 of the surface paper, with the in-betweens of the encoding paper: two built-in characters that share no connectivity. The strider's triangles take the stout one's shape through the
-//! correspondence, and the way there goes through their encodings, so that the raised arm turns down instead of shrinking.
+//! Figure 14 of the surface paper, with the in-betweens of the encoding paper: two built-in
+//! characters that share no connectivity. The strider's triangles take the stout one's shape
+//! through the correspondence, and the way there goes through their encodings, so that the raised
+//! arm turns down instead of shrinking.
 //!
 //! `cargo run --release --example morph_across [PICTURE.png]`
 

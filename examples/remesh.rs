@@ -1,4 +1,5 @@
-//! A lobed sphere with quads from a coarse cube (Panozzo et al. 2013, Figure 7): the base mesh on the surface, three levels finer, and smoothed.
+//! A lobed sphere with quads from a coarse cube (Panozzo et al. 2013, Figure 7): the base mesh on
+//! the surface, three levels finer, and smoothed.
 //!
 //! `cargo run --release --example remesh [PICTURE.png]`
 

@@ -1,4 +1,5 @@
-//! One mesh, anchors on it, some of them dragged: its texture follows, and only texels that moved are made anew (Fig. 13 of Panozzo et al. 2013).
+//! One mesh, anchors on it, some of them dragged: its texture follows, and only texels that moved
+//! are made anew (Fig. 13 of Panozzo et al. 2013).
 //!
 //! `cargo run --release --example self_map [PICTURE.png]`
 

@@ -1,5 +1,6 @@
-//! Curves on a character by control points on it (Panozzo et al. 2013, Figure 2): their control polygons, which are splines of degree one, cubic B-splines, and what one average a point does where
-//! control points are far apart, beside repeated averages.
+//! Curves on a character by control points on it (Panozzo et al. 2013, Figure 2): their control
+//! polygons, which are splines of degree one, cubic B-splines, and what one average a point does
+//! where control points are far apart, beside repeated averages.
 //!
 //! `cargo run --release --example spline [PICTURE.png]`
 

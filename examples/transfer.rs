@@ -1,4 +1,5 @@
-//! The main job through the library: the texture of one built-in character on a different one, and how far it is from the truth.
+//! The main job through the library: the texture of one built-in character on a different one, and
+//! how far it is from the truth.
 //!
 //! `cargo run --release --example transfer [PICTURE.png]`
 
@@ -55,7 +56,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (sum, count) = errors.fold((0.0, 0), |(sum, count), e| (sum + e, count + 1));
     let mean = sum / f64::from(count);
     println!("mean error {mean:.4} of the square root of the area, over {count} vertices");
-    // Sixty anchors on shapes as different as these leave drift between them, which the statuses own up to.
+    // Sixty anchors on shapes as different as these leave drift between them, which the statuses
+    // own up to.
     assert!(mean < 0.02 && result.stats.valid_fraction > 0.6, "the transfer has gone wrong");
 
     let view = RenderOptions { width: 700, height: 900, ..RenderOptions::default() };

@@ -1,5 +1,5 @@
-//! Figure 4 of the mapping paper: a binary partition, step by step. Each picture shows the star after one more step; only the steps
-//! that would fold have been halved.
+//! Figure 4 of the mapping paper: a binary partition, step by step. Each picture shows the star
+//! after one more step; only the steps that would fold have been halved.
 //!
 //! `cargo run --release --example warp_binary [PICTURE.png]`
 

@@ -1,5 +1,6 @@
-//! Figures 8, 9 and 10 of the mapping paper: as the corner of a square moves in, the smallest Jacobian falls along a straight line,
-//! 1 - (2 sqrt 2 - 1) s. The knots of the binary partition appear all at once; those of the continuous one grow out of others.
+//! Figures 8, 9 and 10 of the mapping paper: as the corner of a square moves in, the smallest
+//! Jacobian falls along a straight line, 1 - (2 sqrt 2 - 1) s. The knots of the binary partition
+//! appear all at once; those of the continuous one grow out of others.
 //!
 //! `cargo run --release --example warp_continuous [PICTURE.png]`
 

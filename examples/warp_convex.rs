@@ -1,5 +1,5 @@
-//! Figure 2 of the mapping paper: convex polygons between which the mean value map folds, by a little, while the Wachspress map and
-//! the composite mean value map in ten steps do not.
+//! Figure 2 of the mapping paper: convex polygons between which the mean value map folds, by a
+//! little, while the Wachspress map and the composite mean value map in ten steps do not.
 //!
 //! `cargo run --release --example warp_convex [PICTURE.png]`
 

@@ -1,5 +1,6 @@
-//! Figure 1 of the mapping paper: a square with a square hole that turns by a quarter. In one step the map folds (magenta); in the
-//! steps of a binary partition it does not, and close to the hole it stays smooth.
+//! Figure 1 of the mapping paper: a square with a square hole that turns by a quarter. In one step
+//! the map folds (magenta); in the steps of a binary partition it does not, and close to the hole
+//! it stays smooth.
 //!
 //! `cargo run --release --example warp_holes [PICTURE.png]`
 

@@ -1,5 +1,6 @@
-//! Figure 12 of the mapping paper: the composite through the same polygons backwards comes the closer to the inverse the more steps
-//! there are: m steps times the error stay constant. The exact inverse is beside it.
+//! Figure 12 of the mapping paper: the composite through the same polygons backwards comes the
+//! closer to the inverse the more steps there are: m steps times the error stay constant. The exact
+//! inverse is beside it.
 //!
 //! `cargo run --release --example warp_inverse [PICTURE.png]`
 

@@ -1,5 +1,6 @@
-//! Figure 5 of the mapping paper: the Jacobian of the direct map to intermediate polygons, which turns negative (magenta) as the
-//! target moves away, at the vertices first; and at the end that of the composite map, which does not.
+//! Figure 5 of the mapping paper: the Jacobian of the direct map to intermediate polygons, which
+//! turns negative (magenta) as the target moves away, at the vertices first; and at the end that of
+//! the composite map, which does not.
 //!
 //! `cargo run --release --example warp_jacobian [PICTURE.png]`
 

@@ -1,5 +1,5 @@
-//! Figure 7 of the mapping paper: a picture warped by a map that folds, and by a composite map that does not. The picture is painted
-//! here; name a file of your own to see it bent.
+//! Figure 7 of the mapping paper: a picture warped by a map that folds, and by a composite map that
+//! does not. The picture is painted here; name a file of your own to see it bent.
 //!
 //! `cargo run --release --example warp_picture [OUTPUT.png [PICTURE.png]]`
 

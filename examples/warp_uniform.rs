@@ -1,5 +1,5 @@
-//! Figure 3 of the mapping paper: the same map in more and more equal steps. A star whose tips and notches change places folds in
-//! one, two and four steps, and no longer in eight.
+//! Figure 3 of the mapping paper: the same map in more and more equal steps. A star whose tips and
+//! notches change places folds in one, two and four steps, and no longer in eight.
 //!
 //! `cargo run --release --example warp_uniform [PICTURE.png]`
 

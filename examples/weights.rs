@@ -1,5 +1,6 @@
-//! The inverse problem: the weight of one anchor at every vertex of a character, as colours. The weights of all anchors sum to
-//! one at each vertex, and each is one at its own anchor and zero at the others (Panozzo et al. 2013, section 3.2).
+//! The inverse problem: the weight of one anchor at every vertex of a character, as colours. The
+//! weights of all anchors sum to one at each vertex, and each is one at its own anchor and zero at
+//! the others (Panozzo et al. 2013, section 3.2).
 //!
 //! `cargo run --release --example weights [PICTURE.png]`
 

@@ -1,8 +1,9 @@
-// Inverse problem on the target and weighted averages (paper, section 3.4 and eq. 13), with two passes over the anchors and
-// nothing stored per anchor. Reference and explanation: surface::average::fused.
+// Inverse problem on the target and weighted averages (paper, section 3.4 and eq. 13), with two
+// passes over the anchors and nothing stored per anchor. Reference and explanation:
+// surface::average::fused.
 //
-// One uniform block holds 256 anchors. With more, the passes are cut into one dispatch per block, between which the sums
-// and then the averages of each point wait where its results will be.
+// One uniform block holds 256 anchors. With more, the passes are cut into one dispatch per block,
+// between which the sums and then the averages of each point wait where its results will be.
 
 //#import lib/span
 //#import lib/frame
@@ -30,7 +31,8 @@ struct AverageParams {
 // Of each anchor the point on the target and what is averaged for it, each in two halves.
 @group(0) @binding(2) var<uniform> anchors: array<vec4f, 1024>;
 @group(0) @binding(3) var<storage, read> points: array<u32>;
-// Of each point ybar on the source, the average of the target's anchors themselves, and y; each in two halves.
+// Of each point ybar on the source, the average of the target's anchors themselves, and y; each in
+// two halves.
 @group(0) @binding(4) var<storage, read_write> averages: array<vec4f>;
 @group(0) @binding(5) var vertices: texture_2d<u32>;
 @group(0) @binding(6) var triangles: texture_2d<u32>;
@@ -56,7 +58,8 @@ const AVERAGES: u32 = 2u;
 override PART: u32 = WHOLE;
 const CORRECTION_TEXELS: u32 = 3u;
 
-// The anchor with the smallest D so far, and the sums over the others of q times powers of K = p - p_k.
+// The anchor with the smallest D so far, and the sums over the others of q times powers of K = p -
+// p_k.
 struct Sums {
     k: u32,
     dk: f32,
@@ -226,7 +229,8 @@ fn point_frame(i: u32) -> Frame {
     return frame(vertices, triangles, points[3u * i], coordinates(i));
 }
 
-// Nothing but finite numbers is kept between dispatches: bit patterns of others may change on the way.
+// Nothing but finite numbers is kept between dispatches: bit patterns of others may change on the
+// way.
 fn keep_sums(i: u32, s: Sums) {
     averages[i * OUT] = vec4f(s.dk, s.pk, f32(s.k));
     averages[i * OUT + 1u] = vec4f(s.s0, s.s1, s.s2.x);

@@ -1,6 +1,8 @@
-// Weighted averages in R^8 of surface points of a list, a row of indices and weights each. Reference and explanation: surface::stencils.
+// Weighted averages in R^8 of surface points of a list, a row of indices and weights each.
+// Reference and explanation: surface::stencils.
 //
-// The points are those of the step before, as the host packs them or as project_phong left them: steps go back and forth between two buffers.
+// The points are those of the step before, as the host packs them or as project_phong left them:
+// steps go back and forth between two buffers.
 
 //#import lib/span
 //#import lib/phong
@@ -17,7 +19,8 @@ struct StencilParams {
 @group(0) @binding(0) var<uniform> span: Span;
 @group(0) @binding(1) var<uniform> params: StencilParams;
 @group(0) @binding(2) var<storage, read> points: array<u32>;
-// Where each row begins, and the end of the last; then the rows: an index and a weight for each entry.
+// Where each row begins, and the end of the last; then the rows: an index and a weight for each
+// entry.
 @group(0) @binding(3) var<storage, read> rows: array<u32>;
 @group(0) @binding(4) var<storage, read_write> averages: array<vec4f>;
 @group(0) @binding(5) var vertices: texture_2d<u32>;

@@ -1,4 +1,5 @@
-// Tries what kernels rely on and what drivers are known to break (engine::canary, engine::capability).
+// Tries what kernels rely on and what drivers are known to break (engine::canary,
+// engine::capability).
 
 //#import lib/span
 

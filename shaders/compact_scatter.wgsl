@@ -1,4 +1,5 @@
-// Writes the indices of the matching items of each run, in order, from the run's offset on. See engine::compact.
+// Writes the indices of the matching items of each run, in order, from the run's offset on. See
+// engine::compact.
 
 //#import lib/span
 //#import lib/matching

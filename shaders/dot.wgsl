@@ -1,10 +1,10 @@
-// Sums of products of vectors in a fixed order: runs of 1,024 entries, each by one workgroup; and the runs' sums again, until one is
-// left. Reference: encoding::gradients::dot_product.
+// Sums of products of vectors in a fixed order: runs of 1,024 entries, each by one workgroup; and
+// the runs' sums again, until one is left. Reference: encoding::gradients::dot_product.
 
 //#import lib/span
 
-// Where the vectors lie. Entry i of segment s stands at `first + (s * count + i) * stride`; each segment has `runs` runs, and the sum
-// of run r of segment s goes to `to + s * runs + r`.
+// Where the vectors lie. Entry i of segment s stands at `first + (s * count + i) * stride`; each
+// segment has `runs` runs, and the sum of run r of segment s goes to `to + s * runs + r`.
 struct DotParams {
     first_a: u32,
     stride_a: u32,
@@ -13,7 +13,8 @@ struct DotParams {
     count: u32,
     runs: u32,
     to: u32,
-    // Whether the entries of a are sums of an earlier level, in their first component, and b is not looked at.
+    // Whether the entries of a are sums of an earlier level, in their first component, and b is not
+    // looked at.
     again: u32,
 }
 

@@ -1,4 +1,5 @@
-// (I - dF) x for every row, and what the transposed product takes from it. Reference: encoding::derivative::encoding_apply.
+// (I - dF) x for every row, and what the transposed product takes from it. Reference:
+// encoding::derivative::encoding_apply.
 
 //#import lib/span
 //#import lib/table

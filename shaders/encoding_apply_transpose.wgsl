@@ -1,5 +1,5 @@
-// The transpose of I - dF times a vector over the rows, for every free vertex: a gather over the slots that name it. Reference:
-// encoding::derivative::encoding_apply_transpose.
+// The transpose of I - dF times a vector over the rows, for every free vertex: a gather over the
+// slots that name it. Reference: encoding::derivative::encoding_apply_transpose.
 
 //#import lib/span
 //#import lib/table

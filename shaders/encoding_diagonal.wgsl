@@ -1,4 +1,5 @@
-// One over the diagonal of (I - dF)T (I - dF): Jacobi's preconditioner. Reference: encoding::gradients::encoding_diagonal.
+// One over the diagonal of (I - dF)T (I - dF): Jacobi's preconditioner. Reference:
+// encoding::gradients::encoding_diagonal.
 
 //#import lib/span
 //#import lib/table

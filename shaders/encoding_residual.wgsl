@@ -1,5 +1,5 @@
-// V - F of every row, for several shapes; and, for one, the derivative of F. References: encoding::decode::encoding_residual,
-// encoding::derivative::Linearisation.
+// V - F of every row, for several shapes; and, for one, the derivative of F. References:
+// encoding::decode::encoding_residual, encoding::derivative::Linearisation.
 
 //#import lib/span
 //#import lib/table

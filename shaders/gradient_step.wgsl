@@ -1,4 +1,5 @@
-// A step of conjugate gradients: along the direction, by a length that the device found. Reference: encoding::gradients.
+// A step of conjugate gradients: along the direction, by a length that the device found. Reference:
+// encoding::gradients.
 
 //#import lib/span
 //#import lib/gradients

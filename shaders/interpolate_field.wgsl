@@ -1,4 +1,5 @@
-// The image in R^12 of a point of the target: what its triangle's vertices have, interpolated. Reference and explanation: surface::field.
+// The image in R^12 of a point of the target: what its triangle's vertices have, interpolated.
+// Reference and explanation: surface::field.
 
 //#import lib/span
 //#import lib/vector12

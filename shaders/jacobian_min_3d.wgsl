@@ -1,5 +1,6 @@
 // The smallest Jacobian of a step among those of a piece of points that lie inside. Reference:
-// mapping::space::piece_minima_on_cpu; the pieces are compared by the host, which judges the smallest again.
+// mapping::space::piece_minima_on_cpu; the pieces are compared by the host, which judges the
+// smallest again.
 
 //#import lib/span
 //#import lib/angle

@@ -1,4 +1,5 @@
-// The shapes that a Gauss-Newton step leads to when it is taken whole, by half, by a quarter and so on. See encoding::gpu::gradients.
+// The shapes that a Gauss-Newton step leads to when it is taken whole, by half, by a quarter and so
+// on. See encoding::gpu::gradients.
 
 //#import lib/span
 //#import lib/derivative

@@ -1,5 +1,5 @@
-// Points through one step of a composite map, and the derivative so far multiplied by that of the step. Reference:
-// mapping::plane::Step.
+// Points through one step of a composite map, and the derivative so far multiplied by that of the
+// step. Reference: mapping::plane::Step.
 
 //#import lib/span
 //#import lib/table

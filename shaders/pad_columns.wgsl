@@ -1,5 +1,5 @@
-// The nearest covered texel in the column of each texel, by bits of the coverage that stand 32 rows to a word. Reference:
-// tools::transfer::pad::nearest_in_columns.
+// The nearest covered texel in the column of each texel, by bits of the coverage that stand 32 rows
+// to a word. Reference: tools::transfer::pad::nearest_in_columns.
 
 //#import lib/span
 //#import lib/padding

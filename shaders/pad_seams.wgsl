@@ -1,5 +1,5 @@
-// The nearest covered texel, the lowest on ties, from the nearest ones of the columns around. Exact: integers only. Reference and
-// explanation: tools::transfer::pad::pad_seams.
+// The nearest covered texel, the lowest on ties, from the nearest ones of the columns around.
+// Exact: integers only. Reference and explanation: tools::transfer::pad::pad_seams.
 
 //#import lib/span
 //#import lib/padding

@@ -1,6 +1,7 @@
-// Phong projection of points by local search, in R^8 or R^12, (paper, section 3.3): a walk over triangles from where the centroid of the
-// target's triangle went; where that fails, from the nearest of three start vertices a walk over vertices, then one over
-// triangles. Reference and explanation: surface::project and WeightedAverages::forward. What finds no root is left to the
+// Phong projection of points by local search, in R^8 or R^12, (paper, section 3.3): a walk over
+// triangles from where the centroid of the target's triangle went; where that fails, from the
+// nearest of three start vertices a walk over vertices, then one over triangles. Reference and
+// explanation: surface::project and WeightedAverages::forward. What finds no root is left to the
 // kernel search_phong.
 
 //#import lib/span
@@ -13,7 +14,8 @@
 @group(0) @binding(4) var<storage, read_write> results: array<Projected>;
 @group(0) @binding(5) var vertices: texture_2d<u32>;
 @group(0) @binding(6) var triangles: texture_2d<u32>;
-// Around each vertex: a neighbour and the triangle between it and the one before (NONE for the first).
+// Around each vertex: a neighbour and the triangle between it and the one before (NONE for the
+// first).
 @group(0) @binding(7) var stops: texture_2d<u32>;
 // Of each triangle of the target three vertices and a triangle to start from.
 @group(0) @binding(8) var starts: texture_2d<u32>;
@@ -26,8 +28,8 @@ fn distance_squared(v: u32, y: Vector) -> f32 {
     return dot_vector(d, d);
 }
 
-// Where a walk over vertices ended: a vertex, its squared distance, and the triangle around it that faces the point; NONE
-// where the walk did not come to its end.
+// Where a walk over vertices ended: a vertex, its squared distance, and the triangle around it that
+// faces the point; NONE where the walk did not come to its end.
 struct Walked {
     v: u32,
     least: f32,
@@ -37,7 +39,8 @@ struct Walked {
 fn walk_vertices(y: Vector, start: u32, distance: f32) -> Walked {
     var v = start;
     var least = distance;
-    // One round over the stops finds the nearest neighbour and, with the sum of two stops in a row, the facing triangle.
+    // One round over the stops finds the nearest neighbour and, with the sum of two stops in a row,
+    // the facing triangle.
     for (var step = 0u; step < params.vertex_steps; step++) {
         let range = texel(vertices, v * VERTEX_TEXELS + 3u * VECTOR_TEXELS);
         var next = v;
@@ -107,7 +110,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             let head = texel(triangles, face * TRIANGLE_TEXELS);
             let root = project_triangle(phong_system(vertices, triangles, face, head, y), PATIENCE);
             if root.inside {
-                // A projection farther away than a vertex cannot be the closest one: the walk went astray.
+                // A projection farther away than a vertex cannot be the closest one: the walk went
+                // astray.
                 let astray = projected(vertices, face, head, root.x, y, BY_WALK).distance_squared > least;
                 if !astray || attempt == 1u {
                     let found = select(BY_WALK, result.found + ASTRAY, astray);

@@ -1,5 +1,5 @@
-// Which point of the target each texel of its texture shows. Decisions are made in integers and are those of the reference,
-// tools::transfer::atlas::rasterize_atlas, where they are explained.
+// Which point of the target each texel of its texture shows. Decisions are made in integers and are
+// those of the reference, tools::transfer::atlas::rasterize_atlas, where they are explained.
 
 //#import lib/span
 //#import lib/atlas
@@ -53,8 +53,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let centre = vec2i(i32(x), i32(y)) * SUBTEXEL + SUBTEXEL / 2;
 
     var texel_found = vec4u(NONE, 0u, 0u, 0u);
-    // Software devices run both sides of a branch, loops only as long as some lane is in them: so what is rare stands in a
-    // loop, and what is done once behind it.
+    // Software devices run both sides of a branch, loops only as long as some lane is in them: so
+    // what is rare stands in a loop, and what is done once behind it.
     var cover = 0u;
     var holder = first;
     for (var k = first; k < end; k++) {
@@ -78,8 +78,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         // Inside: no need to look on.
         end = select(holder + 1u, holder, b.x >= 0.0 && b.y >= 0.0 && b.x + b.y <= 1.0);
     }
-    // Without a holder: the closest of those that touch the texel's square. With one that snapping moved over the centre, by
-    // at most 1/256 texel: its own boundary.
+    // Without a holder: the closest of those that touch the texel's square. With one that snapping
+    // moved over the centre, by at most 1/256 texel: its own boundary.
     var best = 3.4e38;
     for (var k = start; k < end; k++) {
         let e = bin_entry(entries, k);

@@ -1,4 +1,5 @@
-// The smallest of each run of 1,024 values and the lowest index it stands at. Reference: engine::reduce::min.
+// The smallest of each run of 1,024 values and the lowest index it stands at. Reference:
+// engine::reduce::min.
 
 //#import lib/span
 

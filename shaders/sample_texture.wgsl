@@ -1,5 +1,6 @@
-// The colour of a texel, averaged over its footprint on the source's texture. Reference and explanation:
-// tools::transfer::sample::sample_texture. Texels are loaded and weighed here: hardware filters have eight bits of fraction.
+// The colour of a texel, averaged over its footprint on the source's texture. Reference and
+// explanation: tools::transfer::sample::sample_texture. Texels are loaded and weighed here:
+// hardware filters have eight bits of fraction.
 
 //#import lib/span
 //#import lib/table
@@ -33,7 +34,8 @@ struct TextureParams {
 @group(0) @binding(5) var levels: texture_2d<u32>;
 @group(0) @binding(6) var light: texture_2d<u32>;
 
-// What the words of the picture are: 0 numbers, 1 sRGB numbers that are read as light, 2 bits of floats.
+// What the words of the picture are: 0 numbers, 1 sRGB numbers that are read as light, 2 bits of
+// floats.
 override WORDS: u32 = 0u;
 
 fn light_of(word: u32) -> f32 {

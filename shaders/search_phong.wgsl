@@ -1,7 +1,8 @@
-// Second pass of the forward problem, over the points that project_phong left: the nearest root of the first level of
-// triangles around the vertex that has one (paper, section 3.3). Reference and explanation: surface::search. The order of the
-// triangles is worked out beforehand (surface::gpu::tables), because a queue in every lane would be ruinous. What finds
-// nothing here goes through the reference and its longer search.
+// Second pass of the forward problem, over the points that project_phong left: the nearest root of
+// the first level of triangles around the vertex that has one (paper, section 3.3). Reference and
+// explanation: surface::search. The order of the triangles is worked out beforehand
+// (surface::gpu::tables), because a queue in every lane would be ruinous. What finds nothing here
+// goes through the reference and its longer search.
 
 //#import lib/span
 //#import lib/projection
@@ -52,8 +53,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     var best = unprojected(walked.found);
     var root = vec3f();
     var k = 0u;
-    // Each lane goes on to its next triangle that can hold a root before all look for one together: the look is a hundred
-    // times as long as the test, and few triangles pass it.
+    // Each lane goes on to its next triangle that can hold a root before all look for one together:
+    // the look is a hundred times as long as the test, and few triangles pass it.
     for (var round = 0u; round < range.w; round++) {
         var face = NONE;
         for (; k < range.w && face == NONE; k++) {

@@ -1,5 +1,6 @@
-// Vertices of the levels of splits from their rings. Reference: encoding::decode::split_level. An invocation sets a vertex of one
-// shape; or, for levels too narrow to fill a dispatch, one workgroup takes a shape through all of them.
+// Vertices of the levels of splits from their rings. Reference: encoding::decode::split_level. An
+// invocation sets a vertex of one shape; or, for levels too narrow to fill a dispatch, one
+// workgroup takes a shape through all of them.
 
 //#import lib/span
 //#import lib/table

@@ -1,5 +1,6 @@
-// The colours of output pixels, gathered from windows of a picture's pyramid at their pre-images. The CPU reference and all
-// explanations stand at tools::warp::gather, interpolate, filter and ewa. One invocation a pixel.
+// The colours of output pixels, gathered from windows of a picture's pyramid at their pre-images.
+// The CPU reference and all explanations stand at tools::warp::gather, interpolate, filter and ewa.
+// One invocation a pixel.
 
 //#import lib/span
 
@@ -27,7 +28,8 @@ struct WarpParams {
     windows: array<WindowPlace, MOST_LEVELS>,
 }
 
-// Where the window of a level is: its first texel in the level, its place in the buffer and the length of its rows.
+// Where the window of a level is: its first texel in the level, its place in the buffer and the
+// length of its rows.
 struct WindowPlace {
     origin: vec2i,
     start: u32,

@@ -1,7 +1,7 @@
 //! The one error type of the crate.
 //!
-//! Every message says what is wrong, where (file, line, element) and what to do about it, so that the
-//! command line can print it as it stands.
+//! Every message says what is wrong, where (file, line, element) and what to do about it, so that
+//! the command line can print it as it stands.
 
 use std::path::{Path, PathBuf};
 

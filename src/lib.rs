@@ -1,7 +1,8 @@
 //! barymap maps one shape onto another from a handful of control points.
 //!
-//! The texture of one mesh on a different one, from pairs of corresponding points ([`tools::transfer`]), goes one way:
-//! [`geometry::Mesh`] → [`surface::Embedding`] → [`surface::correspondence`] → [`tools::transfer::transfer`].
+//! The texture of one mesh on a different one, from pairs of corresponding points
+//! ([`tools::transfer`]), goes one way: [`geometry::Mesh`] → [`surface::Embedding`] →
+//! [`surface::correspondence`] → [`tools::transfer::transfer`].
 //!
 //! ```
 //! use barymap::geometry::Topology;
@@ -49,12 +50,14 @@
 //! # }
 //! ```
 //!
-//! The map tells of every point whether it can be trusted ([`surface::Status`]); a picture of the coverage and the fraction of the
-//! area that is valid come with every transfer. Errors name the file or value, what is wrong and what to do ([`Error`]). The same
-//! input gives the same bytes, for any number of threads.
+//! The map tells of every point whether it can be trusted ([`surface::Status`]); a picture of the
+//! coverage and the fraction of the area that is valid come with every transfer. Errors name the
+//! file or value, what is wrong and what to do ([`Error`]). The same input gives the same bytes,
+//! for any number of threads.
 //!
 //! - [`mod@geometry`], meshes, adjacency, diagnosis, geodesics, simplification
-//! - [`mod@surface`], weighted averages on surfaces (Panozzo, Baran, Diamanti, Sorkine-Hornung 2013)
+//! - [`mod@surface`], weighted averages on surfaces (Panozzo, Baran, Diamanti, Sorkine-Hornung
+//!   2013)
 //! - [`mod@mapping`], composite mean value mappings (Schneider, Hormann, Floater 2013)
 //! - [`mod@encoding`], mean-value geometry encoding (Kraevoy, Sheffer 2006)
 //! - [`mod@tools`], what users do: transfer, coverage, pictures

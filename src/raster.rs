@@ -84,8 +84,9 @@ impl Pixels {
 
 /// A picture: rows from top to bottom, samples of a pixel next to one another.
 ///
-/// Channels: 1 grey, 2 grey and alpha, 3 RGB, 4 RGBA; alpha is straight (not premultiplied). The centre of pixel (x, y) is at
-/// (x + 1/2, y + 1/2); a texture coordinate (u, v) is the point (u width, (1 - v) height).
+/// Channels: 1 grey, 2 grey and alpha, 3 RGB, 4 RGBA; alpha is straight (not premultiplied). The
+/// centre of pixel (x, y) is at (x + 1/2, y + 1/2); a texture coordinate (u, v) is the point (u
+/// width, (1 - v) height).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
     /// Pixels per row.
@@ -102,7 +103,8 @@ impl Image {
     /// A picture of the given samples.
     ///
     /// # Errors
-    /// If there are not 1 to 4 channels, a side is 0, or the number of samples is not `width * height * channels`.
+    /// If there are not 1 to 4 channels, a side is 0, or the number of samples is not `width *
+    /// height * channels`.
     pub fn new(width: u32, height: u32, channels: u32, pixels: Pixels) -> Result<Self> {
         let image = Self { width, height, channels, pixels };
         image.check("image")?;
@@ -168,8 +170,8 @@ impl Image {
         (y as usize * self.width as usize + x as usize) * self.channels as usize + c as usize
     }
 
-    /// The same picture with other depth and channels. Grey becomes RGB by repetition, RGB grey by its luma (weights 0.299, 0.587, 0.114); alpha is
-    /// dropped or added as full.
+    /// The same picture with other depth and channels. Grey becomes RGB by repetition, RGB grey by
+    /// its luma (weights 0.299, 0.587, 0.114); alpha is dropped or added as full.
     ///
     /// # Errors
     /// Unless there are 1 to 4 channels.
@@ -194,7 +196,8 @@ impl Image {
         Ok(out)
     }
 
-    /// Checks what [`Image::new`] promises, for pictures whose fields were filled in directly; `name` goes into the message.
+    /// Checks what [`Image::new`] promises, for pictures whose fields were filled in directly;
+    /// `name` goes into the message.
     ///
     /// # Errors
     /// As [`Image::new`].

@@ -148,8 +148,9 @@ pub(crate) fn random_points(mesh: &Mesh, count: usize, seed: u64) -> Vec<PackedP
         .collect()
 }
 
-/// Starts the program again without the driver's cache of compiled shaders, unless it runs so already: first dispatches then hold
-/// their compilation. The driver reads the variable once, and a program cannot safely set its own environment.
+/// Starts the program again without the driver's cache of compiled shaders, unless it runs so
+/// already: first dispatches then hold their compilation. The driver reads the variable once, and a
+/// program cannot safely set its own environment.
 pub(crate) fn without_shader_cache() -> Result<()> {
     if std::env::var_os("MESA_SHADER_CACHE_DISABLE").is_none() {
         let mut again = std::process::Command::new(std::env::current_exe()?);

@@ -12,7 +12,8 @@ pub(crate) fn output(name: &str) -> String {
     std::env::args().nth(1).unwrap_or_else(|| name.into())
 }
 
-/// Shapes of one mesh, all at one scale, in rows of `columns` pictures of `size` pixels, seen from `view` (azimuth and elevation in degrees).
+/// Shapes of one mesh, all at one scale, in rows of `columns` pictures of `size` pixels, seen from
+/// `view` (azimuth and elevation in degrees).
 pub(crate) fn picture(
     mesh: &Mesh,
     shapes: &[Vec<DVec3>],

@@ -69,7 +69,8 @@ fn touches_square(e: Entry, t: Corners, i: i32, j: i32, centre: vec2i) -> bool {
     return all(met) && all(low) && all(high);
 }
 
-// A point of a triangle's boundary: barycentric coordinates in the order of `Corners`, squared distance in sub-texels.
+// A point of a triangle's boundary: barycentric coordinates in the order of `Corners`, squared
+// distance in sub-texels.
 struct Nearest {
     barycentric: vec3f,
     distance: f32,
@@ -79,9 +80,11 @@ fn before(p: vec2i, q: vec2i) -> bool {
     return p.x < q.x || (p.x == q.x && p.y < q.y);
 }
 
-// The point of one edge nearest to `centre`: the shares of its first and second corner, and the squared distance.
+// The point of one edge nearest to `centre`: the shares of its first and second corner, and the
+// squared distance.
 fn nearest_on_edge(first: vec2i, second: vec2i, centre: vec2i) -> vec3f {
-    // The same edge gives the same distance in both of its triangles only if walked in one direction.
+    // The same edge gives the same distance in both of its triangles only if walked in one
+    // direction.
     let turned = before(second, first);
     let start = select(first, second, turned);
     let end = select(second, first, turned);

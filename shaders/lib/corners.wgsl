@@ -1,6 +1,7 @@
 // How kernels of maps in the plane read a polygon. See mapping::plane::gpu.
 //
-// The kernel that imports this declares the blocks `corners0` .. `corners3`, of 1,024 vertices each, and `rings`.
+// The kernel that imports this declares the blocks `corners0` .. `corners3`, of 1,024 vertices
+// each, and `rings`.
 
 // Whether there are more vertices than one block holds.
 override MANY: bool = false;

@@ -1,10 +1,11 @@
-// Rows of the encoding, the derivative of F and products with it. Explained at the reference, encoding::derivative.
+// Rows of the encoding, the derivative of F and products with it. Explained at the reference,
+// encoding::derivative.
 
 // No row.
 const NONE: u32 = 0xffffffffu;
 
-// Which vertices a dispatch works on: `frames` shapes of `vertices` vertices each, whose residuals have `rows` rows; row r of the
-// splits sets vertex `base + r`.
+// Which vertices a dispatch works on: `frames` shapes of `vertices` vertices each, whose residuals
+// have `rows` rows; row r of the splits sets vertex `base + r`.
 struct EncodingParams {
     frames: u32,
     vertices: u32,
@@ -29,7 +30,8 @@ struct RowDerivative {
     unused: f32,
 }
 
-// What the derivative of a row needs of a slot: z, w, and the chord between the neighbours before and after.
+// What the derivative of a row needs of a slot: z, w, and the chord between the neighbours before
+// and after.
 struct SlotDerivative {
     z: vec3f,
     w: f32,
@@ -37,7 +39,8 @@ struct SlotDerivative {
     neighbour: u32,
 }
 
-// A row's entry y of a vector, and what the transposed product takes from it; derivative::RowTranspose.
+// A row's entry y of a vector, and what the transposed product takes from it;
+// derivative::RowTranspose.
 struct RowProduct {
     value: vec3f,
     along: f32,

@@ -1,4 +1,5 @@
-// F of a ring (equation 13). The form and its reasons are explained at the reference, encoding::decode.
+// F of a ring (equation 13). The form and its reasons are explained at the reference,
+// encoding::decode.
 //
 // The kernel that imports this declares
 //   fn position(v: u32) -> vec3f   vertex v
@@ -29,7 +30,8 @@ struct Frame {
     regular: f32,
 }
 
-// From a ring vertex to the weighted mean: the part along the normal, the part in the plane and its regularised length.
+// From a ring vertex to the weighted mean: the part along the normal, the part in the plane and its
+// regularised length.
 struct Offset {
     along: f32,
     plane: vec3f,

@@ -1,6 +1,7 @@
 // How kernels of maps in space read a cage. See mapping::space::gpu.
 //
-// The kernel that imports this declares the blocks `faces0` .. `faces3`, each of 93 faces of 11 vectors.
+// The kernel that imports this declares the blocks `faces0` .. `faces3`, each of 93 faces of 11
+// vectors.
 
 struct SpaceParams {
     // Faces of the cage.

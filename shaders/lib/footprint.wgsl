@@ -1,6 +1,7 @@
 // Level and taps of a footprint. Reference: tools::transfer::sample::Taps.
 
-// Footprints up to this much wider than a texel, or than a whole number of narrow sides, count as no wider; sample::SLACK.
+// Footprints up to this much wider than a texel, or than a whole number of narrow sides, count as
+// no wider; sample::SLACK.
 const SLACK: f32 = 0.015625;
 
 // sample::Filter.

@@ -10,7 +10,8 @@ struct SolveVertex {
     unused2: f32,
 }
 
-// Where a step finds its scalars: `rho` and `next` are the products of residual and preconditioned residual before and after it.
+// Where a step finds its scalars: `rho` and `next` are the products of residual and preconditioned
+// residual before and after it.
 struct GradientParams {
     rho: u32,
     next: u32,
@@ -19,7 +20,8 @@ struct GradientParams {
     unused: u32,
 }
 
-// Scalars whose place is fixed: the squared length of the product, the first `rho`, and the number of steps taken.
+// Scalars whose place is fixed: the squared length of the product, the first `rho`, and the number
+// of steps taken.
 const CURVATURE: u32 = 2u;
 const FIRST: u32 = 3u;
 const STEPS: u32 = 4u;

@@ -1,5 +1,6 @@
-// The mean value map of four points at once: component k of every vec4f belongs to point k. The form and the reason for each
-// of its branches are explained at the reference, mapping::plane::mean_value.
+// The mean value map of four points at once: component k of every vec4f belongs to point k. The
+// form and the reason for each of its branches are explained at the reference,
+// mapping::plane::mean_value.
 //
 // The kernel that imports this declares
 //   fn corner(i: u32) -> vec4f   vertex i: position, displacement
@@ -11,16 +12,16 @@ const AT_VERTEX: f32 = 1e-30;
 // Stands in for an area that is zero, so that a weight it divides is a number yet.
 const ON_EDGE: f32 = 1e-18;
 
-// Whether terms are added up by blocks before they are added to the rest, as many vertices need; mean_value::BLOCK. Software devices
-// pay for every loop around a loop.
+// Whether terms are added up by blocks before they are added to the rest, as many vertices need;
+// mean_value::BLOCK. Software devices pay for every loop around a loop.
 override BLOCKED: bool = false;
 const BLOCK: u32 = 32u;
 
 // No edge.
 const NONE: u32 = 0xffffffffu;
 
-// What the first pass over the edges finds: the nearest vertex, its squared distance and displacement; tau and its gradient,
-// and the edge that sets it (none where no angle is obtuse).
+// What the first pass over the edges finds: the nearest vertex, its squared distance and
+// displacement; tau and its gradient, and the edge that sets it (none where no angle is obtuse).
 struct Scan {
     nearest: vec4u,
     square: vec4f,
@@ -32,7 +33,8 @@ struct Scan {
     slope_y: vec4f,
 }
 
-// One end of an edge, seen from the points; `x / square` and `y / square` are the gradient of its direction.
+// One end of an edge, seen from the points; `x / square` and `y / square` are the gradient of its
+// direction.
 struct Ray {
     x: vec4f,
     y: vec4f,
@@ -50,7 +52,8 @@ struct Half {
     y: vec4f,
 }
 
-// Sums over the vertices; and in the end image minus point and derivative minus identity, row by row.
+// Sums over the vertices; and in the end image minus point and derivative minus identity, row by
+// row.
 struct Sums {
     weight: vec4f,
     moment_x: vec4f,

@@ -1,5 +1,5 @@
-// Mean value coordinates of closed triangle meshes that stay exact on faces, edges and corners. The formulas stand at
-// mapping::space::mean_value; names are those of the functions there.
+// Mean value coordinates of closed triangle meshes that stay exact on faces, edges and corners. The
+// formulas stand at mapping::space::mean_value; names are those of the functions there.
 
 // Four roundings; a plane nearer than this is taken to be so far off.
 const ON_FACE: f32 = 4.76837158e-7;

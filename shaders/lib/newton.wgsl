@@ -1,4 +1,5 @@
-// Phong projection onto one triangle by Newton's method in two unknowns. Reference and explanation: surface::psi.
+// Phong projection onto one triangle by Newton's method in two unknowns. Reference and explanation:
+// surface::psi.
 
 //#import lib/phong
 
@@ -112,8 +113,7 @@ fn newton_step(system: System, x: vec3f) -> Step {
 }
 
 // Accepts coordinates that lie outside by no more than the slack, or than a length that rounding
-// leaves open; clamped to the
-// triangle.
+// leaves open; clamped to the triangle.
 fn inside_or_not(system: System, x: vec3f) -> Root {
     let c = max(x, vec3f());
     let inside = c / (c.x + c.y + c.z);
@@ -121,8 +121,7 @@ fn inside_or_not(system: System, x: vec3f) -> Root {
         return Root(inside, true);
     }
     // How far that moves the point, as seen in the planes of the three corners; their turn by G_k
-    // changes it by less than a
-    // half.
+    // changes it by less than a half.
     let d = inside - x;
     let moved = max(largest(system.q0 * d), max(largest(system.q1 * d), largest(system.q3 * d)));
     if moved <= system.rounding {

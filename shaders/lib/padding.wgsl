@@ -1,4 +1,5 @@
-// What both kernels of padding share. Twin of the struct: tools::transfer::gpu::pad_seams::PadParams.
+// What both kernels of padding share. Twin of the struct:
+// tools::transfer::gpu::pad_seams::PadParams.
 
 struct PadParams {
     width: u32,

@@ -1,11 +1,13 @@
-// Surfaces with interpolated tangent planes: tables, Psi. Reference and explanation: surface::psi. The dimension is that of the Vector which the kernel imports (lib/vector8 or lib/vector12).
+// Surfaces with interpolated tangent planes: tables, Psi. Reference and explanation: surface::psi.
+// The dimension is that of the Vector which the kernel imports (lib/vector8 or lib/vector12).
 
 //#import lib/table
 
 // No vertex, no triangle; geometry::NONE.
 const NONE: u32 = 0xffffffffu;
 
-// Texels of a vertex (point, two rows of the tangent basis, stops) and of a triangle; surface::gpu::tables.
+// Texels of a vertex (point, two rows of the tangent basis, stops) and of a triangle;
+// surface::gpu::tables.
 const VERTEX_TEXELS: u32 = 3u * VECTOR_TEXELS + 1u;
 const TRIANGLE_TEXELS: u32 = 5u;
 

@@ -4,11 +4,13 @@
 
 // Twin: surface::gpu::project_phong::ProjectParams.
 struct ProjectParams {
-    // Parts of vectors an entry of `averages` has, and where the point and what its distance is measured from begin.
+    // Parts of vectors an entry of `averages` has, and where the point and what its distance is
+    // measured from begin.
     stride: u32,
     point: u32,
     reference: u32,
-    // Bounds of the walks; project::SearchLimits::FIRST, less where vertices have very many neighbours.
+    // Bounds of the walks; project::SearchLimits::FIRST, less where vertices have very many
+    // neighbours.
     vertex_steps: u32,
     triangle_steps: u32,
     unused0: u32,
@@ -24,8 +26,8 @@ struct Projected {
     b1: f32,
     // From the reference to the projection.
     distance_squared: f32,
-    // How it was found; where it is LEFT, also whether the walk found a root all the same (ASTRAY), and the vertex that the walk over
-    // vertices ended at, times VERTEX.
+    // How it was found; where it is LEFT, also whether the walk found a root all the same (ASTRAY),
+    // and the vertex that the walk over vertices ended at, times VERTEX.
     found: u32,
 }
 

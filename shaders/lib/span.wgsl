@@ -1,5 +1,6 @@
-// Which items a dispatch works on. Texels are dispatched in two dimensions, because 65,535 groups in one are too few
-// for a 4K atlas, and in slices, because a long dispatch is ended by desktop drivers. See engine::kernel::Span.
+// Which items a dispatch works on. Texels are dispatched in two dimensions, because 65,535 groups
+// in one are too few for a 4K atlas, and in slices, because a long dispatch is ended by desktop
+// drivers. See engine::kernel::Span.
 
 // Invocations per workgroup; the host sets it (engine::kernel::GROUP).
 override GROUP: u32 = 64u;

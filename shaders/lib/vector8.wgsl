@@ -1,4 +1,5 @@
-// Vectors of R^8, called Vector wherever the number of dimensions does not matter; lib/vector12 is the other. Reference: surface::vector.
+// Vectors of R^8, called Vector wherever the number of dimensions does not matter; lib/vector12 is
+// the other. Reference: surface::vector.
 
 //#import lib/table
 

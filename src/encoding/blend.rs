@@ -15,13 +15,14 @@ pub struct Blend {
     shapes: Vec<Vec<Encoding<f64>>>,
     /// Per shape and stage: the length of every slot's edge.
     lengths: Vec<Vec<Vec<f64>>>,
-    /// Rings that could not be encoded in some other shape and take the first one's coefficients there.
+    /// Rings that could not be encoded in some other shape and take the first one's coefficients
+    /// there.
     pub borrowed: usize,
 }
 
 impl Blend {
-    /// Encodes `shapes` on the rings of `hierarchy`, which was made from the first one. Each shape has one position per number of the
-    /// hierarchy.
+    /// Encodes `shapes` on the rings of `hierarchy`, which was made from the first one. Each shape
+    /// has one position per number of the hierarchy.
     ///
     /// # Errors
     /// [`Error::Input`] if a shape has another number of positions.
@@ -61,10 +62,11 @@ impl Blend {
         self.shapes.is_empty()
     }
 
-    /// Writes the average with `weights(number)` (one a shape, summing to one) into `hierarchy`, the one this was made for, and returns the
-    /// averages of the edges' lengths, stage by stage.
+    /// Writes the average with `weights(number)` (one a shape, summing to one) into `hierarchy`,
+    /// the one this was made for, and returns the averages of the edges' lengths, stage by stage.
     ///
-    /// The weights w are averaged, and the angles arctan b instead of b, whose size has no bound. A single shape's encoding comes back as it is.
+    /// The weights w are averaged, and the angles arctan b instead of b, whose size has no bound. A
+    /// single shape's encoding comes back as it is.
     pub fn write<'w>(&self, hierarchy: &mut Hierarchy, weights: impl Fn(u32) -> &'w [f64] + Sync) -> Vec<Vec<f64>> {
         let mut targets: Vec<(&Stencils, &mut Encoding<f64>)> =
             vec![(&hierarchy.splits, &mut hierarchy.split_encoding)];
@@ -99,7 +101,8 @@ impl Blend {
     }
 }
 
-/// `shape` on the rings of `stencils`; rows that cannot be encoded there take `own` coefficients and are counted.
+/// `shape` on the rings of `stencils`; rows that cannot be encoded there take `own` coefficients
+/// and are counted.
 fn encode_on(stencils: &Stencils, own: &Encoding<f64>, shape: &[V3<f64>]) -> (Encoding<f64>, usize) {
     let mut out = own.clone();
     let mut missing = 0;

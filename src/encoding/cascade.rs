@@ -1,4 +1,5 @@
-//! Decoding by the hierarchy (section 3.2): splits and, stage by stage from coarse to fine, minimisation of G.
+//! Decoding by the hierarchy (section 3.2): splits and, stage by stage from coarse to fine,
+//! minimisation of G.
 
 use std::time::Instant;
 
@@ -27,8 +28,9 @@ pub struct Quality {
     pub gradient_steps: usize,
     /// Sweeps of the paper's Gauss-Seidel over the whole mesh at the end.
     pub sweeps: usize,
-    /// Stiffness of the edges' lengths, 0 for plain encoding; 1 already keeps lengths well. The term is 1/2 stiffness sum L² (|e| - s L)² over the edges, L
-    /// being their rest length and s the scale of the start, about a shape of diagonal one.
+    /// Stiffness of the edges' lengths, 0 for plain encoding; 1 already keeps lengths well. The
+    /// term is 1/2 stiffness sum L² (|e| - s L)² over the edges, L being their rest length and s
+    /// the scale of the start, about a shape of diagonal one.
     pub stiffness: f64,
 }
 
@@ -100,8 +102,10 @@ impl DecodeReport {
     }
 }
 
-/// Without a frame before, stages of at most so many free vertices are first converged with this stiffness. G alone has minima in which a twisted part is
-/// pinched and triangles flip: on the standard tube of 2,000 vertices turned by 180 degrees, 10 of them without this start and none with it.
+/// Without a frame before, stages of at most so many free vertices are first converged with this
+/// stiffness. G alone has minima in which a twisted part is pinched and triangles flip: on the
+/// standard tube of 2,000 vertices turned by 180 degrees, 10 of them without this start and none
+/// with it.
 const START_FREE: usize = 2000;
 const START: f64 = 1.0;
 
@@ -129,9 +133,9 @@ impl Decoder {
         Self { hierarchy, rest, solvers, last: None, changed: false, lengths: Vec::new(), device: None }
     }
 
-    /// Does on the device of `engine`, if it has one, what it is made for: splits, and stages solved by conjugate gradients, in single
-    /// precision. Coarse stages are solved on the CPU, as are all with a stiffness; so is what the device cannot hold
-    /// ([`DeviceStages::notes`]).
+    /// Does on the device of `engine`, if it has one, what it is made for: splits, and stages
+    /// solved by conjugate gradients, in single precision. Coarse stages are solved on the CPU, as
+    /// are all with a stiffness; so is what the device cannot hold ([`DeviceStages::notes`]).
     pub fn decode_on(&mut self, engine: &Engine) {
         self.device = DeviceStages::new(engine);
     }
@@ -156,9 +160,11 @@ impl Decoder {
         self.last = positions.filter(|p| p.len() == self.rest.len());
     }
 
-    /// Changes the coefficients, for example to an average of several shapes' ([`super::Blend`]). Rings must stay as they are.
+    /// Changes the coefficients, for example to an average of several shapes' ([`super::Blend`]).
+    /// Rings must stay as they are.
     ///
-    /// `change` returns the lengths that a stiffness keeps instead of those at rest: a list a stage, one entry a slot; or nothing.
+    /// `change` returns the lengths that a stiffness keeps instead of those at rest: a list a
+    /// stage, one entry a slot; or nothing.
     pub fn change_encoding(&mut self, change: impl FnOnce(&mut Hierarchy) -> Vec<Vec<f64>>) {
         self.lengths = change(&mut self.hierarchy);
         self.lengths.resize(if self.lengths.is_empty() { 0 } else { self.hierarchy.stages.len() }, Vec::new());
@@ -168,14 +174,18 @@ impl Decoder {
         }
     }
 
-    /// Positions of all vertices (in the hierarchy's numbering) for given positions of the held ones (in its order).
+    /// Positions of all vertices (in the hierarchy's numbering) for given positions of the held
+    /// ones (in its order).
     ///
-    /// `start` moves a free vertex of the base mesh to where it begins, given its number and rest position; a similarity of the held
-    /// vertices makes the result exact. `scale` is its scale, which edges keep if the quality asks for it. With `warm`, and after an earlier frame of this decoder, coarse stages begin at that frame's
-    /// positions; equal held positions give equal results, bit for bit.
+    /// `start` moves a free vertex of the base mesh to where it begins, given its number and rest
+    /// position; a similarity of the held vertices makes the result exact. `scale` is its scale,
+    /// which edges keep if the quality asks for it. With `warm`, and after an earlier frame of this
+    /// decoder, coarse stages begin at that frame's positions; equal held positions give equal
+    /// results, bit for bit.
     ///
     /// # Errors
-    /// [`Error::Input`] for a wrong number of positions or one that is not finite; [`Error::Numeric`] if no finite shape was found.
+    /// [`Error::Input`] for a wrong number of positions or one that is not finite;
+    /// [`Error::Numeric`] if no finite shape was found.
     pub fn decode(
         &mut self,
         held: &[V3<f64>],
@@ -274,10 +284,12 @@ impl Decoder {
         Ok(())
     }
 
-    /// Minimises G on the whole mesh alone, from `positions` (in the hierarchy's numbering, held ones in place) to where it ends.
+    /// Minimises G on the whole mesh alone, from `positions` (in the hierarchy's numbering, held
+    /// ones in place) to where it ends.
     ///
     /// # Errors
-    /// [`Error::Input`] for a wrong number of positions; [`Error::Numeric`] if a system could not be set up.
+    /// [`Error::Input`] for a wrong number of positions; [`Error::Numeric`] if a system could not
+    /// be set up.
     pub fn refine(&mut self, positions: &mut [V3<f64>], scale: f64, quality: &Quality) -> Result<LevelReport> {
         let h = &self.hierarchy;
         let (Some(stage), Some(solver)) = (h.stages.last(), self.solvers.last_mut()) else {
@@ -317,7 +329,8 @@ fn split(
     Ok(())
 }
 
-/// Whether a stage with so many free vertices is minimised, so that splits of finer ones must wait for it.
+/// Whether a stage with so many free vertices is minimised, so that splits of finer ones must wait
+/// for it.
 fn pauses(free: usize, quality: &Quality) -> bool {
     stop(method(free, quality), quality).iterations > 0
 }

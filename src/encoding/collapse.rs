@@ -10,7 +10,8 @@ pub(crate) struct Candidate {
     pub(crate) to: u32,
 }
 
-/// The rings while vertices are removed. Every vertex keeps an ordered ring, so that no triangles are needed.
+/// The rings while vertices are removed. Every vertex keeps an ordered ring, so that no triangles
+/// are needed.
 #[derive(Debug)]
 pub(crate) struct Collapser<'a> {
     positions: &'a [V3<f64>],
@@ -29,7 +30,8 @@ impl<'a> Collapser<'a> {
         }
     }
 
-    /// The ring of `v` as seen from the collapse onto its neighbour number `k`, which comes first. An open ring must begin or end there.
+    /// The ring of `v` as seen from the collapse onto its neighbour number `k`, which comes first.
+    /// An open ring must begin or end there.
     fn seen_from(&self, v: u32, k: usize, out: &mut Vec<u32>) -> bool {
         let ring = &self.rings[v as usize];
         out.clear();
@@ -46,7 +48,8 @@ impl<'a> Collapser<'a> {
         true
     }
 
-    /// Whether `v` may go to `ring[0]` without changing the topology: the link condition, and no vertex left with too few neighbours.
+    /// Whether `v` may go to `ring[0]` without changing the topology: the link condition, and no
+    /// vertex left with too few neighbours.
     fn may_collapse(&self, v: u32, ring: &[u32]) -> bool {
         let to = ring[0];
         let open = self.open[v as usize];
@@ -123,7 +126,8 @@ impl<'a> Collapser<'a> {
         }
         let m = ring.len();
         let open = self.open[v as usize];
-        // Neighbours between the opposite corners get `to` for `v`; on an open ring the last one too.
+        // Neighbours between the opposite corners get `to` for `v`; on an open ring the last one
+        // too.
         let end = if open { m } else { m - 1 };
         let inner = if end > 2 { &ring[2..end] } else { &[][..] };
         for &x in inner {

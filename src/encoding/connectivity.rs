@@ -18,11 +18,11 @@ pub struct Connectivity {
 }
 
 impl Connectivity {
-    /// The rings of `mesh`, over the triangles with three different vertices at finite positions. Triangles without area count: the
-    /// surface stays whole there.
+    /// The rings of `mesh`, over the triangles with three different vertices at finite positions.
+    /// Triangles without area count: the surface stays whole there.
     ///
-    /// Edges of more than two triangles are cuts; a vertex whose triangles form several fans gets the ring of the largest one (of equally
-    /// large ones the first). O(F log F).
+    /// Edges of more than two triangles are cuts; a vertex whose triangles form several fans gets
+    /// the ring of the largest one (of equally large ones the first). O(F log F).
     pub fn new(mesh: &Mesh) -> Self {
         let triangles = mesh.triangles();
         let usable = triangles
@@ -48,7 +48,8 @@ impl Connectivity {
             if topology.vertex_triangles(v).is_empty() {
                 result.rings.push(Vec::new());
             } else {
-                // Two triangles back to back are closed and have two neighbours: no ring to walk around either.
+                // Two triangles back to back are closed and have two neighbours: no ring to walk
+                // around either.
                 let regular = ring.fan && (ring.boundary || ring.vertices.len() > 2);
                 let (vertices, open) = if regular { (ring.vertices, ring.boundary) } else { largest_fan(topology, v) };
                 result.irregular[v as usize] = !regular;

@@ -18,7 +18,8 @@ pub(crate) struct Rules {
     pub(crate) substitute: bool,
 }
 
-/// From what is good to what is possible: the next rules count where the ones before leave too many vertices.
+/// From what is good to what is possible: the next rules count where the ones before leave too many
+/// vertices.
 pub(crate) const RULES: [Rules; 3] = [
     // 12 degrees, 78 degrees.
     Rules { least_sine: 0.208, most_neighbours: 12, least_cosine: 0.2, largest_weights: 5.0, substitute: false },
@@ -26,10 +27,13 @@ pub(crate) const RULES: [Rules; 3] = [
     Rules { least_sine: 1e-4, most_neighbours: 64, least_cosine: -1.0, largest_weights: 20.0, substitute: true },
 ];
 
-/// The cost of replacing the fan of `v` over `ring` by the fan of `to` = `ring[0]`; `None` if that breaks the rules.
+/// The cost of replacing the fan of `v` over `ring` by the fan of `to` = `ring[0]`; `None` if that
+/// breaks the rules.
 ///
-/// (sum of squared tetrahedron volumes) / l⁶ + 1/100 (1 - least angle / 60°) + 1/1000 L² / l², L the collapsed edge and l the mean one;
-/// along a boundary the squared area between its old and new course over l⁴ is added. The ring may run either way. Volume preservation after Lindstrom and Turk 1998; the mixture is named in section 3.1, its weights are ours.
+/// (sum of squared tetrahedron volumes) / l⁶ + 1/100 (1 - least angle / 60°) + 1/1000 L² / l², L
+/// the collapsed edge and l the mean one; along a boundary the squared area between its old and new
+/// course over l⁴ is added. The ring may run either way. Volume preservation after Lindstrom and
+/// Turk 1998; the mixture is named in section 3.1, its weights are ours.
 pub(crate) fn collapse_cost(
     positions: &[V3<f64>],
     v: u32,

@@ -6,7 +6,8 @@ use super::vector::{add, add_scaled, cross, dot, scale, sub, zero};
 use super::{Encoding, Stencils, V3};
 use crate::engine::Real;
 
-/// Part of a ring's rms radius that is added (in squares) to the distances under the offsets; see [`Encoding`].
+/// Part of a ring's rms radius that is added (in squares) to the distances under the offsets; see
+/// [`Encoding`].
 pub const REGULARISATION: f64 = 1e-3;
 /// Rows that one task takes.
 pub(crate) const BLOCK: usize = 2048;
@@ -55,8 +56,8 @@ impl<R: Real> Frame<R> {
         }
     }
 
-    /// Offset of the weighted mean from ring vertex `p` (relative coordinates): the whole, its part along the normal, and the
-    /// regularised length of its part in the plane.
+    /// Offset of the weighted mean from ring vertex `p` (relative coordinates): the whole, its part
+    /// along the normal, and the regularised length of its part in the plane.
     #[inline(always)]
     pub(crate) fn offset(&self, p: V3<R>) -> (V3<R>, R, R) {
         let r = sub(self.centre, p);
@@ -66,7 +67,8 @@ impl<R: Real> Frame<R> {
     }
 }
 
-/// F of one ring (equation 13), in the form q + (sum w b d) n with q = sum w v and d the distance of q to a neighbour in the ring's plane.
+/// F of one ring (equation 13), in the form q + (sum w b d) n with q = sum w v and d the distance
+/// of q to a neighbour in the ring's plane.
 #[inline(always)]
 pub fn ring_value<R: Real>(positions: &[V3<R>], ring: &[u32], w: &[R], b: &[R]) -> V3<R> {
     let frame = Frame::new(positions, ring, w);
@@ -79,9 +81,11 @@ pub fn ring_value<R: Real>(positions: &[V3<R>], ring: &[u32], w: &[R], b: &[R]) 
     add(origin, add_scaled(frame.centre, frame.normal, s))
 }
 
-/// Sets the vertices of the rows in `rows` from their rings, which must not contain one another (a level of vertex splits, section 3.2.1).
+/// Sets the vertices of the rows in `rows` from their rings, which must not contain one another (a
+/// level of vertex splits, section 3.2.1).
 ///
-/// The vertices of the rows must follow one another in the numbering. CPU reference of the kernel `split_level`.
+/// The vertices of the rows must follow one another in the numbering. CPU reference of the kernel
+/// `split_level`.
 pub fn split_level<R: Real>(
     stencils: &Stencils,
     encoding: &Encoding<R>,
@@ -129,7 +133,8 @@ pub fn encoding_residual<R: Real>(
     });
 }
 
-/// G = 1/2 sum |v - F|² (equation 15) of residuals; summed in blocks, the same for any number of threads.
+/// G = 1/2 sum |v - F|² (equation 15) of residuals; summed in blocks, the same for any number of
+/// threads.
 pub fn energy(residual: &[V3<f64>]) -> f64 {
     let blocks: Vec<f64> = residual.par_chunks(BLOCK).map(|part| part.iter().map(|&r| dot(r, r)).sum()).collect();
     0.5 * blocks.iter().sum::<f64>()

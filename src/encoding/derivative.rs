@@ -1,4 +1,5 @@
-//! The derivative of F in closed form, and products with I - dF and its transpose as gathers over slots.
+//! The derivative of F in closed form, and products with I - dF and its transpose as gathers over
+//! slots.
 
 use rayon::prelude::*;
 
@@ -10,10 +11,11 @@ use crate::geometry::NONE;
 
 /// What the derivative of one row's F needs beside the positions.
 ///
-/// With q = sum w v, p_k = q - v_k, N = I - n nᵀ, d_k the regularised length of N p_k, u_k = N p_k / d_k, c the vector area, L = |c|:
-/// `g` = sum w_k b_k u_k, `h` = sum w_k b_k (n.p_k) u_k, `offset` = sum w_k b_k d_k, and dF/dv_k =
-/// w_k I + n (w_k g + z_k)ᵀ + (offset I - n hᵀ) N/L [v_{k+1} - v_{k-1}]x with z_k = -w_k b_k u_k + kappa (v_k - mean); the last part is
-/// from the regularisation, kappa = tau²/m sum w_k b_k / d_k.
+/// With q = sum w v, p_k = q - v_k, N = I - n nᵀ, d_k the regularised length of N p_k, u_k = N p_k
+/// / d_k, c the vector area, L = |c|: `g` = sum w_k b_k u_k, `h` = sum w_k b_k (n.p_k) u_k,
+/// `offset` = sum w_k b_k d_k, and dF/dv_k = w_k I + n (w_k g + z_k)ᵀ + (offset I - n hᵀ) N/L
+/// [v_{k+1} - v_{k-1}]x with z_k = -w_k b_k u_k + kappa (v_k - mean); the last part is from the
+/// regularisation, kappa = tau²/m sum w_k b_k / d_k.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RowDerivative<R> {
     /// Unit normal n.
@@ -109,7 +111,8 @@ fn chord<R: Real>(positions: &[V3<R>], ring: &[u32], k: usize) -> V3<R> {
     sub(positions[ring[next] as usize], positions[ring[before] as usize])
 }
 
-/// y = (I - dF) x for every row; `direction` has an entry a vertex, zero where it is held. CPU reference of the kernel `encoding_apply`.
+/// y = (I - dF) x for every row; `direction` has an entry a vertex, zero where it is held. CPU
+/// reference of the kernel `encoding_apply`.
 pub fn encoding_apply<R: Real>(
     stencils: &Stencils,
     encoding: &Encoding<R>,
@@ -138,7 +141,8 @@ pub fn encoding_apply<R: Real>(
     });
 }
 
-/// What a row passes on to its neighbours in the transposed product: n.y, yc = N (offset y - (n.y) h) / L and yq = y + (n.y) g.
+/// What a row passes on to its neighbours in the transposed product: n.y, yc = N (offset y - (n.y)
+/// h) / L and yq = y + (n.y) g.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RowTranspose<R> {
     along: R,
@@ -146,8 +150,9 @@ pub struct RowTranspose<R> {
     mean: V3<R>,
 }
 
-/// out = (I - dF)ᵀ y for the vertices from `held` on; `y` has an entry a row. CPU reference of the kernel `encoding_apply_transpose`: a
-/// sweep over the rows, then a gather over the slots that name a vertex.
+/// out = (I - dF)ᵀ y for the vertices from `held` on; `y` has an entry a row. CPU reference of the
+/// kernel `encoding_apply_transpose`: a sweep over the rows, then a gather over the slots that name
+/// a vertex.
 #[expect(clippy::too_many_arguments, reason = "the bindings of the kernel")]
 pub fn encoding_apply_transpose<R: Real>(
     stencils: &Stencils,
@@ -186,7 +191,8 @@ pub fn encoding_apply_transpose<R: Real>(
     });
 }
 
-/// dF/dv for every slot, row-major: the blocks that the direct solver and the CPU's conjugate gradients read.
+/// dF/dv for every slot, row-major: the blocks that the direct solver and the CPU's conjugate
+/// gradients read.
 pub(crate) fn blocks(
     stencils: &Stencils,
     encoding: &Encoding<f64>,
@@ -306,7 +312,8 @@ mod tests {
         let x: Vec<V3<f32>> = near.iter().map(|p| p.map(|x| x as f32)).collect();
         let mut residual = vec![[0f32; 3]; encoded.stencils.row_count()];
         encoding_residual(&encoded.stencils, &single, &x, &mut residual);
-        // Ring-local arithmetic: errors are of the size of an edge (0.15) times the precision, plus one rounding of the result.
+        // Ring-local arithmetic: errors are of the size of an edge (0.15) times the precision, plus
+        // one rounding of the result.
         let worst = residual.iter().flatten().fold(0f32, |a, b| a.max(b.abs()));
         assert!(worst <= 1.6e-5, "{worst}");
     }

@@ -1,8 +1,7 @@
 //! The Gauss-Newton matrix (I - dF)ᵀ(I - dF) of the free vertices, assembled and factorised.
 //!
 //! The square of a row of thousands of neighbours would be dense. Such a row borders the matrix
-//! instead, with three unknowns of its
-//! own (see `geometry::cholesky`).
+//! instead, with three unknowns of its own (see `geometry::cholesky`).
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::ldlt::factor::LdltRegularization;
@@ -18,7 +17,8 @@ use super::{Stencils, V3};
 use crate::error::{Error, Result};
 use crate::geometry::cholesky::LONGEST;
 
-/// Pattern, ordering and memory of the matrix of one stage; made once, used for every iteration and frame.
+/// Pattern, ordering and memory of the matrix of one stage; made once, used for every iteration and
+/// frame.
 pub(crate) struct DirectSolver {
     pattern: SymbolicSparseColMat<usize>,
     symbolic: SymbolicCholesky<usize>,
@@ -47,17 +47,15 @@ pub(crate) struct DirectSolver {
 
 const OWN: u32 = u32::MAX;
 /// Least damping of a bordered matrix. Without its long rows the matrix may be singular, and is
-/// factorised without pivots: the damping bounds their growth by
-/// its inverse, so that ten digits are left. It bends a step by a millionth; the minimum stays
-/// where it is.
+/// factorised without pivots: the damping bounds their growth by its inverse, so that ten digits
+/// are left. It bends a step by a millionth; the minimum stays where it is.
 const LEAST_DAMPING: f64 = 1e-6;
 /// In the place of a slot: the unknowns of a row that borders the matrix.
 const BORDER: u32 = u32::MAX - 1;
 
 /// The pairs of a row's members whose blocks it adds to, the members of a square in order; of a row
-/// that borders, whose unknowns have number
-/// `border`, each with itself and with the row's own vertex (for springs), and each with the
-/// border.
+/// that borders, whose unknowns have number `border`, each with itself and with the row's own
+/// vertex (for springs), and each with the border.
 fn row_pairs(m: &[(u32, u32)], border: Option<u32>, mut visit: impl FnMut((u32, u32), (u32, u32))) {
     let Some(border) = border.map(|number| (number, BORDER)) else {
         m.iter().enumerate().for_each(|(i, a)| m[..=i].iter().for_each(|b| visit(*a, *b)));
@@ -147,7 +145,8 @@ impl DirectSolver {
             for c in 0..3 {
                 for block in blocks.clone() {
                     let high = (pairs[block] & 0xffff_ffff) as usize;
-                    // The entry of scalar row 0 of the block, which the diagonal one has only in its first column.
+                    // The entry of scalar row 0 of the block, which the diagonal one has only in
+                    // its first column.
                     let skip = if high == v { c } else { 0 };
                     block_at[block][c] = rows.len() as u32 - skip as u32;
                     rows.extend((skip..3).map(|r| 3 * high + r));
@@ -189,8 +188,8 @@ impl DirectSolver {
         })
     }
 
-    /// Solves (H + damping diag H) x = gradient in place; `false` if the matrix is not numerically positive definite. `springs` has an
-    /// entry a slot, or none.
+    /// Solves (H + damping diag H) x = gradient in place; `false` if the matrix is not numerically
+    /// positive definite. `springs` has an entry a slot, or none.
     pub(crate) fn solve(&mut self, blocks: &[[f64; 9]], springs: &[Stretch], damping: f64, x: &mut [V3<f64>]) -> bool {
         if !self.factor(blocks, springs, damping) {
             return false;

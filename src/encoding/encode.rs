@@ -10,7 +10,8 @@ use crate::engine::Real;
 
 /// Largest sum of |w| that a vertex may have; rounding errors grow with it.
 pub(crate) const LARGEST_WEIGHTS: f64 = 200.0;
-/// Smallest twice-the-area of a projected ring, in parts of its squared rms radius times its length: below, the ring has no reliable normal.
+/// Smallest twice-the-area of a projected ring, in parts of its squared rms radius times its
+/// length: below, the ring has no reliable normal.
 const LEAST_AREA: f64 = 2e-3;
 /// Largest error of a vertex decoded from its own ring, in parts of the ring's rms radius.
 const LARGEST_ERROR: f64 = 1e-11;
@@ -22,8 +23,8 @@ const SUBSTITUTES: usize = 24;
 pub struct Encoding<R> {
     /// Mean value weights, summing to one over each row.
     pub w: Vec<R>,
-    /// Offset along the ring's normal over distance in its plane (equation 9, b = h / d), positive against the normal of equation 2, which
-    /// points inward for outward-oriented rings.
+    /// Offset along the ring's normal over distance in its plane (equation 9, b = h / d), positive
+    /// against the normal of equation 2, which points inward for outward-oriented rings.
     pub b: Vec<R>,
 }
 
@@ -51,11 +52,12 @@ impl Encoding<f64> {
 
 /// Encodes vertex `v` with respect to `ring` and returns sum |w|.
 ///
-/// `None` (and zero coefficients) where that gives no reliable result: fewer than three neighbours, a ring without area, weights that cancel,
-/// or a decoded position that is not the vertex's (equation 13 is evaluated and compared).
+/// `None` (and zero coefficients) where that gives no reliable result: fewer than three neighbours,
+/// a ring without area, weights that cancel, or a decoded position that is not the vertex's
+/// (equation 13 is evaluated and compared).
 ///
-/// Offsets are taken over sqrt(d² + tau² rho²) instead of d, rho being the rms radius of the ring, in the decoder too: exact all the same,
-/// finite at d = 0 and differentiable there.
+/// Offsets are taken over sqrt(d² + tau² rho²) instead of d, rho being the rms radius of the ring,
+/// in the decoder too: exact all the same, finite at d = 0 and differentiable there.
 pub(crate) fn encode_ring(positions: &[V3<f64>], v: u32, ring: &[u32], w: &mut [f64], b: &mut [f64]) -> Option<f64> {
     let result = try_encode(positions, v, ring, w, b);
     if result.is_none() {
@@ -71,7 +73,8 @@ fn try_encode(positions: &[V3<f64>], v: u32, ring: &[u32], w: &mut [f64], b: &mu
     }
     let at = positions[v as usize];
     let origin = positions[ring[0] as usize];
-    // The ring relative to its first vertex, and its vector area (equation 2; the centroid cancels).
+    // The ring relative to its first vertex, and its vector area (equation 2; the centroid
+    // cancels).
     let local = |k: usize| sub(positions[ring[k % m] as usize], origin);
     let (mut c, mut mean) = ([0.0; 3], [0.0; 3]);
     for k in 0..m {
@@ -111,9 +114,10 @@ fn try_encode(positions: &[V3<f64>], v: u32, ring: &[u32], w: &mut [f64], b: &mu
     (error <= LARGEST_ERROR * size * spread.sqrt()).then_some(size)
 }
 
-/// Three vertices near `v` in whose triangle it can be encoded, for a vertex whose ring cannot serve (two neighbours at a corner, a ring on a
-/// line or crossing itself): of the vertices within two, else three rings of `v` those with the best shaped triangle and the smallest
-/// weights. `ring_of` gives the neighbours of a vertex.
+/// Three vertices near `v` in whose triangle it can be encoded, for a vertex whose ring cannot
+/// serve (two neighbours at a corner, a ring on a line or crossing itself): of the vertices within
+/// two, else three rings of `v` those with the best shaped triangle and the smallest weights.
+/// `ring_of` gives the neighbours of a vertex.
 pub(crate) fn substitute<'a>(positions: &[V3<f64>], v: u32, ring_of: &impl Fn(u32) -> &'a [u32]) -> Option<[u32; 3]> {
     let mut near: BTreeSet<u32> = ring_of(v).iter().copied().collect();
     for _ in 0..2 {
@@ -233,7 +237,8 @@ mod tests {
 
     #[test]
     fn meshes_of_every_kind_are_reproduced() {
-        // Closed, with poles of many neighbours, of genus 1, open with straight boundaries and corners, an open tube, one triangle pair.
+        // Closed, with poles of many neighbours, of genus 1, open with straight boundaries and
+        // corners, an open tube, one triangle pair.
         let single = Mesh::from_triangles(
             "pair",
             [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.1], [0.0, 1.0, 0.3]].map(glam::DVec3::from).to_vec(),

@@ -1,4 +1,5 @@
-//! Conjugate gradients on (I - dF)ᵀ(I - dF) with the blocks of dF, for stages too large to factorise.
+//! Conjugate gradients on (I - dF)ᵀ(I - dF) with the blocks of dF, for stages too large to
+//! factorise.
 
 use rayon::prelude::*;
 
@@ -58,7 +59,8 @@ fn minus_transposed<R: Real>(a: V3<R>, b: &[R; 9], x: V3<R>) -> V3<R> {
     ]
 }
 
-/// Sum of products, in blocks: the same for any number of threads. CPU reference of the kernel `dot`.
+/// Sum of products, in blocks: the same for any number of threads. CPU reference of the kernel
+/// `dot`.
 pub fn dot_product<R: Real>(a: &[V3<R>], b: &[V3<R>]) -> f64 {
     let blocks: Vec<f64> = a
         .par_chunks(BLOCK)
@@ -68,7 +70,8 @@ pub fn dot_product<R: Real>(a: &[V3<R>], b: &[V3<R>]) -> f64 {
     blocks.iter().sum()
 }
 
-/// One over the diagonal of (I - dF)ᵀ(I - dF) and of the springs, if there are any; zero for held vertices.
+/// One over the diagonal of (I - dF)ᵀ(I - dF) and of the springs, if there are any; zero for held
+/// vertices.
 fn inverse_diagonal(stencils: &Stencils, blocks: &[[f64; 9]], springs: &[Stretch], held: usize) -> Vec<V3<f64>> {
     let mut inverse = vec![[0.0; 3]; stencils.vertex_count()];
     for (v, inverse) in inverse.iter_mut().enumerate().skip(held) {
@@ -88,8 +91,8 @@ fn inverse_diagonal(stencils: &Stencils, blocks: &[[f64; 9]], springs: &[Stretch
     inverse
 }
 
-/// Jacobi's preconditioner: one over the diagonal of (I - dF)ᵀ(I - dF) at given positions; zero for held vertices. CPU reference of the
-/// kernel `encoding_diagonal`.
+/// Jacobi's preconditioner: one over the diagonal of (I - dF)ᵀ(I - dF) at given positions; zero for
+/// held vertices. CPU reference of the kernel `encoding_diagonal`.
 pub fn encoding_diagonal(
     stencils: &Stencils,
     encoding: &Encoding<f64>,
@@ -100,7 +103,8 @@ pub fn encoding_diagonal(
     inverse_diagonal(stencils, &blocks(stencils, encoding, at, positions), &[], held)
 }
 
-/// The matrix I - dF twice, by rows and by columns, so that both products stream through it; and vectors kept between solves.
+/// The matrix I - dF twice, by rows and by columns, so that both products stream through it; and
+/// vectors kept between solves.
 #[derive(Debug, Default)]
 pub(crate) struct Gradients<R> {
     by_row: Vec<[R; 9]>,
@@ -118,9 +122,10 @@ pub(crate) struct Gradients<R> {
 }
 
 impl<R: Real> Gradients<R> {
-    /// Solves (I - dF)ᵀ(I - dF) x = `right` approximately for the vertices from `held` on: conjugate gradients with Jacobi's
-    /// preconditioner from zero, at most `steps` steps or until the residual (in the preconditioner's norm) is `tolerance` times its first
-    /// value. Returns the number of steps.
+    /// Solves (I - dF)ᵀ(I - dF) x = `right` approximately for the vertices from `held` on:
+    /// conjugate gradients with Jacobi's preconditioner from zero, at most `steps` steps or until
+    /// the residual (in the preconditioner's norm) is `tolerance` times its first value. Returns
+    /// the number of steps.
     ///
     /// Scalars are summed in double precision, in blocks: the same for any number of threads.
     #[expect(clippy::too_many_arguments, reason = "the parts of one equation")]

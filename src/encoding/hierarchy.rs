@@ -1,4 +1,5 @@
-//! The multiresolution hierarchy (section 3.1): vertices removed in independent sets, the rings they left, and the meshes between.
+//! The multiresolution hierarchy (section 3.1): vertices removed in independent sets, the rings
+//! they left, and the meshes between.
 
 use rayon::prelude::*;
 
@@ -13,7 +14,8 @@ use crate::geometry::NONE;
 /// How the hierarchy is cut into stages.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HierarchyOptions {
-    /// Numbers of free vertices, ascending, at which a mesh with an encoding of its own is kept; the whole mesh always is one.
+    /// Numbers of free vertices, ascending, at which a mesh with an encoding of its own is kept;
+    /// the whole mesh always is one.
     pub stages: Vec<usize>,
 }
 
@@ -28,7 +30,8 @@ impl Default for HierarchyOptions {
 pub struct Stage {
     /// Number of vertices of this mesh.
     pub vertices: usize,
-    /// The levels of splits (entries of [`Hierarchy::level_start`]) that lead here from the stage before.
+    /// The levels of splits (entries of [`Hierarchy::level_start`]) that lead here from the stage
+    /// before.
     pub levels: std::ops::Range<usize>,
     /// Rings of the vertices whose residual a free vertex can change.
     pub stencils: Stencils,
@@ -38,8 +41,9 @@ pub struct Stage {
 
 /// Rings, levels and stages for one mesh and one set of held vertices.
 ///
-/// Vertices are numbered anew: the held ones, the free ones of the base mesh, then the removed ones level by level in the order in which
-/// they come back. Vertices without triangles and those of components without a held vertex have no number here.
+/// Vertices are numbered anew: the held ones, the free ones of the base mesh, then the removed ones
+/// level by level in the order in which they come back. Vertices without triangles and those of
+/// components without a held vertex have no number here.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Hierarchy {
     /// Mesh vertex of each number.
@@ -52,11 +56,13 @@ pub struct Hierarchy {
     pub splits: Stencils,
     /// Their coefficients.
     pub split_encoding: Encoding<f64>,
-    /// First row of each level of splits, and the number of rows at the end. The rings of a level lie wholly before it.
+    /// First row of each level of splits, and the number of rows at the end. The rings of a level
+    /// lie wholly before it.
     pub level_start: Vec<u32>,
     /// The cascade, coarse to fine; the last one is the whole mesh.
     pub stages: Vec<Stage>,
-    /// Mesh vertices of the whole mesh encoded in a substitute triangle because their ring cannot serve.
+    /// Mesh vertices of the whole mesh encoded in a substitute triangle because their ring cannot
+    /// serve.
     pub substituted: Vec<u32>,
     /// Mesh vertices of the whole mesh without any encoding.
     pub left_out: Vec<u32>,
@@ -80,9 +86,11 @@ struct Snapshot {
 }
 
 impl Hierarchy {
-    /// Removes all vertices but the `held` ones, as far as topology and shape allow, and stores what is needed to bring them back.
+    /// Removes all vertices but the `held` ones, as far as topology and shape allow, and stores
+    /// what is needed to bring them back.
     ///
-    /// `positions` is the rest shape, best with a diagonal of about one. Deterministic, about O(V log V).
+    /// `positions` is the rest shape, best with a diagonal of about one. Deterministic, about O(V
+    /// log V).
     ///
     /// # Errors
     /// [`Error::Input`] if no vertex is held, or a held one is out of range or part of no triangle.

@@ -1,9 +1,11 @@
 //! Many frames of one mesh, smooth in time and cheap.
 //!
-//! One coarse stage of the hierarchy is followed through the clip, frame after frame (`track`): there the shape in the large is decided, and there alone
-//! a frame depends on the one before. Everything finer is a function of that stage: vertex splits and a fixed number of steps of conjugate gradients on each
-//! finer stage, which take away the roughness that splits leave. So frames are finished in parallel, whatever the number of threads, and nothing can jump
-//! between parts of a clip.
+//! One coarse stage of the hierarchy is followed through the clip, frame after frame (`track`):
+//! there the shape in the large is decided, and there alone a frame depends on the one before.
+//! Everything finer is a function of that stage: vertex splits and a fixed number of steps of
+//! conjugate gradients on each finer stage, which take away the roughness that splits leave. So
+//! frames are finished in parallel, whatever the number of threads, and nothing can jump between
+//! parts of a clip.
 
 use rayon::prelude::*;
 
@@ -17,7 +19,8 @@ use crate::error::{Error, Result};
 
 /// How far the frames of a sequence are minimised.
 ///
-/// On a walking body of 15,000 vertices with 40 markers, G is 1.46 times that of [`super::Quality::DEFAULT`] with the default, 7.6 times with the preview.
+/// On a walking body of 15,000 vertices with 40 markers, G is 1.46 times that of
+/// [`super::Quality::DEFAULT`] with the default, 7.6 times with the preview.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SequenceQuality {
     /// The finest stage with at most so many free vertices is followed from frame to frame.
@@ -53,7 +56,8 @@ pub struct Played {
     pub positions: Vec<V3<f64>>,
     /// G of the stage that was followed.
     pub value: f64,
-    /// Whether that stage was found anew, because this is the first frame or the one before did not lead here.
+    /// Whether that stage was found anew, because this is the first frame or the one before did not
+    /// lead here.
     pub anew: bool,
 }
 
@@ -61,7 +65,8 @@ pub struct Played {
 const BLOCK: usize = 32;
 /// Decrease of G in the second step above which the stage has not arrived.
 const ARRIVED: f64 = 0.05;
-/// G over its usual value that makes one look for a better minimum; the usual value at most doubles from frame to frame.
+/// G over its usual value that makes one look for a better minimum; the usual value at most doubles
+/// from frame to frame.
 const GROWTH: f64 = 4.0;
 /// G of the tracked stage, per vertex, that is nothing to worry about.
 const HARMLESS: f64 = 1e-10;
@@ -69,9 +74,11 @@ const HARMLESS: f64 = 1e-10;
 const ITERATIONS: usize = 30;
 
 impl Decoder {
-    /// Decodes `frames` in order and hands each to `sink`, which may end the work with an error. `start` is as in [`Decoder::decode`], for each frame.
+    /// Decodes `frames` in order and hands each to `sink`, which may end the work with an error.
+    /// `start` is as in [`Decoder::decode`], for each frame.
     ///
-    /// A frame whose held vertices are where they were gives the shape of the frame before, bit for bit.
+    /// A frame whose held vertices are where they were gives the shape of the frame before, bit for
+    /// bit.
     ///
     /// # Errors
     /// As [`Decoder::decode`], and what `sink` returns.
@@ -277,7 +284,8 @@ mod tests {
 
     const COUNT: usize = 48;
 
-    /// A walking body of some 3,400 vertices, every 85th of which is held, and `frames` of it at 30 a second, the arms coming down in the first half.
+    /// A walking body of some 3,400 vertices, every 85th of which is held, and `frames` of it at 30
+    /// a second, the arms coming down in the first half.
     fn walking() -> (Decoder, Vec<Vec<V3<f64>>>) {
         let walker = Walker::new(0.026);
         let (low, high) = walker.mesh.bounds().unwrap();

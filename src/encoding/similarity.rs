@@ -23,11 +23,13 @@ impl Similarity {
         self.rotation * p * self.scale + self.shift
     }
 
-    /// Fits pairs (from, to): the rotation is the best one in the sense of least squares, the scale the ratio of the rms distances to
-    /// the mean, so that an exact similarity is found exactly and a bent or twisted shape is not shrunk.
+    /// Fits pairs (from, to): the rotation is the best one in the sense of least squares, the scale
+    /// the ratio of the rms distances to the mean, so that an exact similarity is found exactly and
+    /// a bent or twisted shape is not shrunk.
     ///
-    /// Where the points leave the rotation open (one point, or all on a line) it is the one nearest to none; a single point, or points that
-    /// coincide on either side, keep the scale. No pairs give [`Self::IDENTITY`]. Horn 1987 (unit quaternions: 180 degrees are nothing special).
+    /// Where the points leave the rotation open (one point, or all on a line) it is the one nearest
+    /// to none; a single point, or points that coincide on either side, keep the scale. No pairs
+    /// give [`Self::IDENTITY`]. Horn 1987 (unit quaternions: 180 degrees are nothing special).
     pub fn fit(pairs: &[(DVec3, DVec3)]) -> Self {
         if pairs.is_empty() {
             return Self::IDENTITY;
@@ -72,7 +74,8 @@ impl Similarity {
         );
         let eigen = SymmetricEigen::new(horn);
         let top = eigen.eigenvalues.max();
-        // Of equally good rotations the one nearest to the identity: its quaternion (1, 0, 0, 0) projected on theirs.
+        // Of equally good rotations the one nearest to the identity: its quaternion (1, 0, 0, 0)
+        // projected on theirs.
         let mut q = [0.0; 4];
         let mut first = None;
         for k in (0..4).filter(|&k| eigen.eigenvalues[k] > top - 1e-9) {

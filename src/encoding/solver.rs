@@ -54,7 +54,8 @@ const SINGLE: usize = 300;
 const LEAST_STEP: f64 = 1.0 / 1024.0;
 
 impl StageSolver {
-    /// Minimises G, and the springs' energy if there are any, over the vertices from `held` on, starting from and ending in `positions`.
+    /// Minimises G, and the springs' energy if there are any, over the vertices from `held` on,
+    /// starting from and ending in `positions`.
     #[expect(clippy::too_many_arguments, reason = "the parts of one problem")]
     pub(crate) fn minimise(
         &mut self,

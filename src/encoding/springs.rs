@@ -1,8 +1,10 @@
 //! An optional term that keeps the lengths of edges.
 //!
-//! The encoding does not feel a change of size that spreads slowly over a surface: a twisted waist may shrink, a posed animal grow. With a
-//! stiffness k, 1/2 k sum L² (|e| - s L)² over the edges is added to G, with L an edge's rest length and s the scale of the start. The factor
-//! L² makes it fade against G on finer meshes as G itself does, so that a stiffness means the same at every stage.
+//! The encoding does not feel a change of size that spreads slowly over a surface: a twisted waist
+//! may shrink, a posed animal grow. With a stiffness k, 1/2 k sum L² (|e| - s L)² over the edges is
+//! added to G, with L an edge's rest length and s the scale of the start. The factor L² makes it
+//! fade against G on finer meshes as G itself does, so that a stiffness means the same at every
+//! stage.
 
 use rayon::prelude::*;
 
@@ -28,7 +30,8 @@ pub(crate) fn slot_lengths(stencils: &Stencils, positions: &[V3<f64>], size: f64
         .collect()
 }
 
-/// A slot's spring at given positions: its residual is `value` and `direction` the derivative by the row's vertex (minus that by the neighbour).
+/// A slot's spring at given positions: its residual is `value` and `direction` the derivative by
+/// the row's vertex (minus that by the neighbour).
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Stretch {
     pub(crate) direction: V3<f64>,
@@ -36,8 +39,8 @@ pub(crate) struct Stretch {
 }
 
 impl Springs {
-    /// Springs for the slots of `stencils` with given lengths to keep; none for a stiffness of zero. `size` is the scale at which these
-    /// lengths are.
+    /// Springs for the slots of `stencils` with given lengths to keep; none for a stiffness of
+    /// zero. `size` is the scale at which these lengths are.
     pub(crate) fn new(lengths: &[f64], stiffness: f64, size: f64) -> Option<Self> {
         let root = (0.5 * stiffness).sqrt() / size;
         let usable = stiffness > 0.0 && root.is_finite();

@@ -2,8 +2,8 @@
 
 use crate::geometry::NONE;
 
-/// Rings of some vertices ("rows") as flat arrays of neighbours ("slots"), with the way back from a neighbour to the slots that name it, so
-/// that products with a transposed matrix are gathers.
+/// Rings of some vertices ("rows") as flat arrays of neighbours ("slots"), with the way back from a
+/// neighbour to the slots that name it, so that products with a transposed matrix are gathers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Stencils {
     /// The vertex of each row.

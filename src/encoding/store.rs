@@ -4,7 +4,8 @@ use super::hierarchy::Stage;
 use super::{Connectivity, Encoding, Hierarchy, HierarchyOptions, Stencils, V3};
 use crate::error::{Error, Result};
 
-/// Changes whenever the same mesh, held vertices and options may give another hierarchy, or its bytes another layout.
+/// Changes whenever the same mesh, held vertices and options may give another hierarchy, or its
+/// bytes another layout.
 pub(super) const ALGORITHM_VERSION: u32 = 1;
 const MAGIC: [u8; 8] = *b"BARYHIER";
 
@@ -130,7 +131,8 @@ impl Hierarchy {
     /// The hierarchy that [`Hierarchy::to_bytes`] wrote.
     ///
     /// # Errors
-    /// [`Error::Input`] if the bytes are cut off, of another version, or do not fit together. The remedy is to make it again.
+    /// [`Error::Input`] if the bytes are cut off, of another version, or do not fit together. The
+    /// remedy is to make it again.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
         Self::read(bytes).ok_or_else(|| {
             Error::input("this is no stored hierarchy of this version", "Delete it; it is made again then")

@@ -6,8 +6,8 @@ use super::vector::{add, sub};
 use super::{Encoding, Stencils, V3};
 use crate::geometry::NONE;
 
-/// `count` sweeps v_i <- F_i + sum_j (dF_j/dv_i)ᵀ (v_j - F_j) over the vertices from `held` on, in order, with the derivatives of the
-/// beginning of each sweep (section 3.2.2, equation 16).
+/// `count` sweeps v_i <- F_i + sum_j (dF_j/dv_i)ᵀ (v_j - F_j) over the vertices from `held` on, in
+/// order, with the derivatives of the beginning of each sweep (section 3.2.2, equation 16).
 pub(crate) fn gauss_seidel(
     stencils: &Stencils,
     encoding: &Encoding<f64>,

@@ -1,4 +1,5 @@
-//! One stage followed from frame to frame: a Gauss-Newton step that knows where the held vertices go, and a check.
+//! One stage followed from frame to frame: a Gauss-Newton step that knows where the held vertices
+//! go, and a check.
 
 use glam::DVec3;
 
@@ -35,11 +36,13 @@ impl Tracker {
         Ok(Self { solver: DirectSolver::new(&stage.stencils, held)? })
     }
 
-    /// Moves the held vertices of `positions` to `held`, and the free ones to where the minimum of G goes with them.
+    /// Moves the held vertices of `positions` to `held`, and the free ones to where the minimum of
+    /// G goes with them.
     ///
-    /// What a similarity explains moves everything. The rest is one linear system about the pose as it was, whose rings are smooth: a start with
-    /// the held vertices moved alone has crushed rings around them, from which Gauss-Newton does not come back. A second step with the same
-    /// factors takes what is left of second order.
+    /// What a similarity explains moves everything. The rest is one linear system about the pose as
+    /// it was, whose rings are smooth: a start with the held vertices moved alone has crushed rings
+    /// around them, from which Gauss-Newton does not come back. A second step with the same factors
+    /// takes what is left of second order.
     pub(super) fn step(
         &mut self,
         stage: &Stage,

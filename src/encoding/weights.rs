@@ -1,13 +1,16 @@
-//! Mean value weights of a point in the plane with respect to a polygon, safe on its edges and vertices.
+//! Mean value weights of a point in the plane with respect to a polygon, safe on its edges and
+//! vertices.
 
 use crate::engine::Real;
 
-/// Writes into `weights` the mean value coordinates of the origin with respect to the closed polygon `points`, and returns
-/// sum |w| / |sum w|; `None` where they do not exist (a self-crossing polygon whose weights cancel, or points that are not finite).
+/// Writes into `weights` the mean value coordinates of the origin with respect to the closed
+/// polygon `points`, and returns sum |w| / |sum w|; `None` where they do not exist (a self-crossing
+/// polygon whose weights cancel, or points that are not finite).
 ///
-/// Half angles come as A / (r r' + D) or (r r' - D) / A, whichever does not cancel; the largest one at an edge passing through the origin
-/// is factored out, so that on an edge the result is the linear interpolation, at a vertex the vertex itself. Weights are negative outside
-/// the kernel and sum to one. Equation 7; Hormann, Floater 2006 for general polygons.
+/// Half angles come as A / (r r' + D) or (r r' - D) / A, whichever does not cancel; the largest one
+/// at an edge passing through the origin is factored out, so that on an edge the result is the
+/// linear interpolation, at a vertex the vertex itself. Weights are negative outside the kernel and
+/// sum to one. Equation 7; Hormann, Floater 2006 for general polygons.
 pub(crate) fn mean_value_weights<R: Real>(points: &[[R; 2]], weights: &mut [R]) -> Option<R> {
     let n = points.len();
     let radius = |k: usize| (points[k][0] * points[k][0] + points[k][1] * points[k][1]).sqrt();

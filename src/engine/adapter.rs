@@ -88,7 +88,8 @@ fn rank(t: wgpu::DeviceType) -> u32 {
 
 fn instance() -> wgpu::Instance {
     let mut desc = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
-    // Compute on OpenGL is known to be wrong on software drivers, and every adapter we want has a better interface.
+    // Compute on OpenGL is known to be wrong on software drivers, and every adapter we want has a
+    // better interface.
     desc.backends &= wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12;
     wgpu::Instance::new(desc)
 }

@@ -53,8 +53,8 @@ impl<T: Pod> Buffer<T> {
     }
 }
 
-/// What all invocations read in step: blocks of at most 16 KiB, which every device binds and which a software device
-/// reads ten times faster than storage. A kernel sees one block at a time.
+/// What all invocations read in step: blocks of at most 16 KiB, which every device binds and which
+/// a software device reads ten times faster than storage. A kernel sees one block at a time.
 #[derive(Debug)]
 pub struct UniformBlocks<T> {
     raw: wgpu::Buffer,
@@ -77,7 +77,8 @@ impl<T: Pod> UniformBlocks<T> {
         self.len.saturating_sub(index * Self::PER_BLOCK).min(Self::PER_BLOCK)
     }
 
-    /// Block `index`, to bind it. The bound range is always a whole block; values past the end are zero.
+    /// Block `index`, to bind it. The bound range is always a whole block; values past the end are
+    /// zero.
     pub fn bind(&self, index: usize) -> Binding<'_> {
         Binding(wgpu::BindingResource::Buffer(wgpu::BufferBinding {
             buffer: &self.raw,
@@ -108,8 +109,8 @@ impl Gpu {
     /// A buffer of `len` zeroed values.
     ///
     /// # Errors
-    /// [`Error::Capability`] if it is larger than a binding may be, [`Error::Memory`] past the budget,
-    /// [`Error::Device`] if the device refuses.
+    /// [`Error::Capability`] if it is larger than a binding may be, [`Error::Memory`] past the
+    /// budget, [`Error::Device`] if the device refuses.
     pub fn buffer<T: Pod>(&self, label: &str, len: usize) -> Result<Buffer<T>> {
         let most = self.capabilities.max_elements::<T>();
         if len as u64 > most {
@@ -154,10 +155,12 @@ impl Gpu {
         self.uniform_blocks(label, std::slice::from_ref(value))
     }
 
-    /// Uniform blocks holding `values`. The size of `T` must divide 16 KiB or the rest of each block stays unused.
+    /// Uniform blocks holding `values`. The size of `T` must divide 16 KiB or the rest of each
+    /// block stays unused.
     ///
     /// # Errors
-    /// [`Error::Memory`] past the budget, [`Error::Device`] if `T` exceeds a block or the device refuses.
+    /// [`Error::Memory`] past the budget, [`Error::Device`] if `T` exceeds a block or the device
+    /// refuses.
     pub fn uniform_blocks<T: Pod>(&self, label: &str, values: &[T]) -> Result<UniformBlocks<T>> {
         let per = UniformBlocks::<T>::PER_BLOCK;
         if per == 0 {
@@ -245,7 +248,8 @@ impl Gpu {
     }
 }
 
-/// A pair of buffers that steps read from and write to in turn, with both bind groups built beforehand.
+/// A pair of buffers that steps read from and write to in turn, with both bind groups built
+/// beforehand.
 #[derive(Debug)]
 pub struct PingPong<T> {
     buffers: [Buffer<T>; 2],
@@ -254,7 +258,8 @@ pub struct PingPong<T> {
 }
 
 impl<T: Pod> PingPong<T> {
-    /// Two buffers of `len` values; `bindings` lists what the kernel binds, given where it reads and where it writes.
+    /// Two buffers of `len` values; `bindings` lists what the kernel binds, given where it reads
+    /// and where it writes.
     ///
     /// # Errors
     /// As [`Gpu::buffer`] and [`Gpu::bind`].

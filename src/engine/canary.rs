@@ -1,11 +1,13 @@
-//! The start-up test of a device: `shaders/canary.wgsl` tries what kernels rely on and what drivers are known to break.
+//! The start-up test of a device: `shaders/canary.wgsl` tries what kernels rely on and what drivers
+//! are known to break.
 
 use super::capability::{CANARY_LOOP, Canary, TWO_SUM};
 use super::gpu::Gpu;
 use super::kernel::{BindingKind, GROUP, Kernel, Layout, layout};
 use crate::error::Result;
 
-/// What the canary is given; all of it comes from memory, so that nothing is worked out by the shader compiler.
+/// What the canary is given; all of it comes from memory, so that nothing is worked out by the
+/// shader compiler.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 struct CanaryParams {

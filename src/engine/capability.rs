@@ -1,10 +1,12 @@
-//! What a device can do, decided once when the engine starts. Nothing else asks a device for its limits.
+//! What a device can do, decided once when the engine starts. Nothing else asks a device for its
+//! limits.
 
 use std::fmt;
 
 use crate::error::{Error, Result};
 
-/// Trip count of the canary's loop: above the 65,535 at which Mesa's software drivers end loops without a word.
+/// Trip count of the canary's loop: above the 65,535 at which Mesa's software drivers end loops
+/// without a word.
 pub(super) const CANARY_LOOP: u32 = 70_000;
 
 /// The loop budget assumed where the canary met no limit.
@@ -29,7 +31,8 @@ pub struct Capabilities {
     pub max_texture_side: u32,
     /// Distance in bytes at which spans may start in a uniform buffer.
     pub uniform_alignment: u32,
-    /// Iterations one invocation may spend in all its loops together; a driver that ends loops early has a small one.
+    /// Iterations one invocation may spend in all its loops together; a driver that ends loops
+    /// early has a small one.
     pub loop_budget: u32,
     /// Whether the driver ended the canary's loop early.
     pub truncates_loops: bool,
@@ -106,7 +109,8 @@ impl Capabilities {
     /// Takes over what the canaries found.
     ///
     /// # Errors
-    /// [`Error::Device`] where the driver fails at what every kernel relies on: atomics, workgroup memory and bit tests.
+    /// [`Error::Device`] where the driver fails at what every kernel relies on: atomics, workgroup
+    /// memory and bit tests.
     pub(super) fn learn(&mut self, canary: Canary, lanes: u32) -> Result<()> {
         let wrong = |what: &str| Error::Device {
             what: format!("the driver fails the start-up test of {what}"),
@@ -131,10 +135,12 @@ impl Capabilities {
         Ok(())
     }
 
-    /// Checks that a kernel whose loops run `iterations` times in all, at most over its lanes, stays within the budget.
+    /// Checks that a kernel whose loops run `iterations` times in all, at most over its lanes,
+    /// stays within the budget.
     ///
     /// # Errors
-    /// [`Error::Capability`] if it does not: the caller must split the loop over several dispatches.
+    /// [`Error::Capability`] if it does not: the caller must split the loop over several
+    /// dispatches.
     pub fn check_loops(&self, kernel: &str, iterations: u64) -> Result<()> {
         if iterations <= u64::from(self.loop_budget) {
             return Ok(());
@@ -152,7 +158,8 @@ impl Capabilities {
     }
 }
 
-/// Operands of the two-sum canary and the error term exact arithmetic leaves: 1 + 2^-25 rounds to 1.
+/// Operands of the two-sum canary and the error term exact arithmetic leaves: 1 + 2^-25 rounds to
+/// 1.
 pub(super) const TWO_SUM: [f32; 2] = [1.0, 1.0 / 33_554_432.0];
 const TWO_SUM_ERROR: f32 = TWO_SUM[1];
 

@@ -1,7 +1,8 @@
 //! Stable compaction: the indices of the items that match, in order, whatever the device.
 //!
-//! Three kernels: each run of 1,024 items counts its matches, one workgroup turns the counts into offsets, each run
-//! writes its indices from its offset on. Only whole numbers are added, so the order of the additions is free.
+//! Three kernels: each run of 1,024 items counts its matches, one workgroup turns the counts into
+//! offsets, each run writes its indices from its offset on. Only whole numbers are added, so the
+//! order of the additions is free.
 
 use std::sync::Arc;
 
@@ -11,7 +12,8 @@ use super::gpu::{Gpu, Pipeline};
 use super::kernel::{BindingKind, GROUP, Kernel, Layout, layout};
 use crate::error::Result;
 
-/// Which items match: those whose 32-bit word `offset`, of `stride` words an item, equals `value` in the bits of `mask`.
+/// Which items match: those whose 32-bit word `offset`, of `stride` words an item, equals `value`
+/// in the bits of `mask`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Matching {

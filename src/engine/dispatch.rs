@@ -9,14 +9,15 @@ use super::gpu::{Gpu, Pipeline};
 use super::kernel::{GROUP, Kernel, Span};
 use crate::error::{Error, Result};
 
-/// Time one slice is planned to take. Desktop drivers end work that takes about two seconds, and the machine should
-/// stay usable meanwhile.
+/// Time one slice is planned to take. Desktop drivers end work that takes about two seconds, and
+/// the machine should stay usable meanwhile.
 const SLICE: Duration = Duration::from_millis(150);
 
 /// Items of the first slice of a kernel whose pace is not known.
 const PROBE: u32 = 4096;
 
-/// Dispatches and copies that are submitted together, in order; each sees what those before it wrote.
+/// Dispatches and copies that are submitted together, in order; each sees what those before it
+/// wrote.
 #[derive(Debug)]
 pub struct Batch<'a> {
     gpu: &'a Gpu,
@@ -58,8 +59,9 @@ impl Gpu {
         }
     }
 
-    /// Runs a kernel over items `0..items` in slices of about 0.15 s each and waits for the last; `done` hears how many
-    /// more items are finished. Two slices are under way at a time, so that the device does not idle between them.
+    /// Runs a kernel over items `0..items` in slices of about 0.15 s each and waits for the last;
+    /// `done` hears how many more items are finished. Two slices are under way at a time, so that
+    /// the device does not idle between them.
     ///
     /// # Errors
     /// [`Error::Device`].
@@ -80,8 +82,8 @@ impl Gpu {
             let submission = batch.submit()?;
             first += count;
             if !known {
-                // The first dispatch of a kernel holds its compilation, so its time says nothing about its pace;
-                // the second, of the same items, does.
+                // The first dispatch of a kernel holds its compilation, so its time says nothing
+                // about its pace; the second, of the same items, does.
                 self.wait(&submission)?;
                 mark = Instant::now();
                 let mut again = self.batch()?;
@@ -118,7 +120,8 @@ impl Gpu {
     }
 }
 
-/// Takes over a measured pace; halfway, so that one disturbed slice does not change the next sixfold.
+/// Takes over a measured pace; halfway, so that one disturbed slice does not change the next
+/// sixfold.
 fn learn(pipeline: &Pipeline, time: Duration, items: u32) {
     let pace = (time.as_nanos() as u64).saturating_mul(1000) / u64::from(items.max(1));
     let before = pipeline.pace.load(Ordering::Relaxed);
@@ -134,11 +137,12 @@ fn fault(kernel: &Kernel, what: &str) -> Error {
 }
 
 impl Batch<'_> {
-    /// Adds a dispatch over items `0..items`; nothing for none. The caller keeps the work of a batch within a time
-    /// slice ([`Gpu::slice`]).
+    /// Adds a dispatch over items `0..items`; nothing for none. The caller keeps the work of a
+    /// batch within a time slice ([`Gpu::slice`]).
     ///
     /// # Errors
-    /// [`Error::Device`] if the items are too many for one dispatch or the bind group is of another kernel.
+    /// [`Error::Device`] if the items are too many for one dispatch or the bind group is of another
+    /// kernel.
     pub fn dispatch(&mut self, pipeline: &Pipeline, group: &BindGroup, items: usize) -> Result<()> {
         let count = u32::try_from(items).unwrap_or(u32::MAX);
         self.dispatch_range(pipeline, group, 0, count)
@@ -169,10 +173,12 @@ impl Batch<'_> {
         self.record(pipeline, group, Span { first: 0, end, row: GROUP, unused: 0 }, [1, 1])
     }
 
-    /// Adds a dispatch of `groups` workgroups, each of which works on all items from `first` to `end`.
+    /// Adds a dispatch of `groups` workgroups, each of which works on all items from `first` to
+    /// `end`.
     ///
     /// # Errors
-    /// [`Error::Device`] if there are more groups than one dimension holds or the bind group is of another kernel.
+    /// [`Error::Device`] if there are more groups than one dimension holds or the bind group is of
+    /// another kernel.
     pub fn dispatch_each_group(
         &mut self,
         pipeline: &Pipeline,
@@ -251,7 +257,8 @@ impl Batch<'_> {
         let Self { gpu, encoder, spans } = self;
         let stride = u64::from(gpu.span_stride());
         gpu.scoped("submission", || {
-            // Spans are written right before the submission that reads them; another thread's must not come between.
+            // Spans are written right before the submission that reads them; another thread's must
+            // not come between.
             let _turn = gpu.submitting.lock().unwrap_or_else(PoisonError::into_inner);
             for (buffer, spans) in &spans {
                 for (slot, span) in spans.iter().enumerate() {

@@ -12,8 +12,8 @@ use crate::error::{Error, Result};
 /// A kernel's name and text, and the bits of its override constants.
 type Variant = (&'static str, &'static str, Vec<u64>);
 
-/// A device that runs kernels. All calls may come from any thread; every call fails with [`Error::Device`] once the
-/// device is lost.
+/// A device that runs kernels. All calls may come from any thread; every call fails with
+/// [`Error::Device`] once the device is lost.
 pub struct Gpu {
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
@@ -108,8 +108,8 @@ impl Gpu {
         }
     }
 
-    /// Keeps the first loss or stray error of a device of our own, so that the next call reports it instead of the
-    /// process ending. A borrowed device keeps the callbacks of its owner.
+    /// Keeps the first loss or stray error of a device of our own, so that the next call reports it
+    /// instead of the process ending. A borrowed device keeps the callbacks of its owner.
     pub(super) fn watch(&self) {
         let fault = Arc::clone(&self.fault);
         self.device.set_device_lost_callback(move |reason, message| {
@@ -197,7 +197,8 @@ impl Gpu {
     /// The pipeline of a kernel, built at its first use.
     ///
     /// # Errors
-    /// [`Error::Capability`] if the kernel binds more than the device can, [`Error::Device`] if it is refused.
+    /// [`Error::Capability`] if the kernel binds more than the device can, [`Error::Device`] if it
+    /// is refused.
     pub fn pipeline(&self, kernel: &'static Kernel) -> Result<Arc<Pipeline>> {
         self.check()?;
         let mut cache = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);

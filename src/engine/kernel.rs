@@ -3,8 +3,8 @@
 use super::shader::{Composed, compose};
 use crate::error::Result;
 
-/// Invocations per workgroup of every kernel. All threads of a workgroup run on one core of a software adapter, where
-/// 64 reached the highest rate; on hardware it is one or two subgroups.
+/// Invocations per workgroup of every kernel. All threads of a workgroup run on one core of a
+/// software adapter, where 64 reached the highest rate; on hardware it is one or two subgroups.
 pub const GROUP: u32 = 64;
 
 /// Bytes of a uniform block, the most a downlevel device binds.
@@ -19,7 +19,8 @@ pub enum BindingKind {
     Read,
     /// A storage buffer the kernel writes.
     Write,
-    /// A table of four-word records to look things up in: an unsigned 32-bit texture, see [`Table`](super::Table).
+    /// A table of four-word records to look things up in: an unsigned 32-bit texture, see
+    /// [`Table`](super::Table).
     Table,
     /// A two-dimensional texture with filterable floating-point values.
     Texture,
@@ -38,7 +39,8 @@ pub struct Layout {
     pub members: &'static [(&'static str, usize)],
 }
 
-/// Describes the host twin of a WGSL struct: `layout!(Params, { count, scale })`. Both have the same name and members.
+/// Describes the host twin of a WGSL struct: `layout!(Params, { count, scale })`. Both have the
+/// same name and members.
 #[macro_export]
 #[doc(hidden)]
 macro_rules! kernel_layout {
@@ -52,7 +54,8 @@ macro_rules! kernel_layout {
 }
 pub(super) use crate::kernel_layout as layout;
 
-/// A compute kernel. Binding 0 of group 0 is always the [`Span`] with a dynamic offset; `bindings` follow from 1.
+/// A compute kernel. Binding 0 of group 0 is always the [`Span`] with a dynamic offset; `bindings`
+/// follow from 1.
 #[derive(Clone, Copy, Debug)]
 pub struct Kernel {
     /// The one name of the stage: WGSL file, host half, reference, label, test and bench.
@@ -102,8 +105,9 @@ pub struct Span {
 pub const SPAN_LAYOUT: Layout = layout!(Span, { first, end, row, unused });
 
 impl Span {
-    /// The span of `items` from `first` and the workgroup counts of its dispatch: one row while that is within
-    /// `max_groups`, else the fewest rows. `None` if even a full square of groups is too few.
+    /// The span of `items` from `first` and the workgroup counts of its dispatch: one row while
+    /// that is within `max_groups`, else the fewest rows. `None` if even a full square of groups is
+    /// too few.
     pub fn grid(kernel: &Kernel, first: u32, items: u32, max_groups: u32) -> Option<(Self, [u32; 2])> {
         let groups = items.div_ceil(kernel.items_per_group()).max(1);
         let rows = groups.div_ceil(max_groups.max(1));

@@ -1,10 +1,11 @@
 //! Straight-line sweeps written once for scalars and SIMD lanes.
 //!
-//! A sweep is a struct of slices that implements [`Sweep`]: its `run` is generic over [`Lane`] and reads like scalar code.
-//! [`Lanes`] picks the widest instructions of the processor at run time. Three rules keep it fast:
-//! `#[inline(always)]` on every generic function a sweep calls (what is not inlined loses the processor's features and
-//! becomes tens of times slower); [`Lanes::run`] inside each rayon task, never rayon inside a sweep; data in tiles of
-//! [`TILE`] items, component by component, so that no remainder code is needed.
+//! A sweep is a struct of slices that implements [`Sweep`]: its `run` is generic over [`Lane`] and
+//! reads like scalar code. [`Lanes`] picks the widest instructions of the processor at run time.
+//! Three rules keep it fast: `#[inline(always)]` on every generic function a sweep calls (what is
+//! not inlined loses the processor's features and becomes tens of times slower); [`Lanes::run`]
+//! inside each rayon task, never rayon inside a sweep; data in tiles of [`TILE`] items, component
+//! by component, so that no remainder code is needed.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -80,7 +81,8 @@ impl Lanes {
         Self(Some(pulp::Arch::new()))
     }
 
-    /// One number at a time, multiplication and addition rounded apart: the same results on every processor.
+    /// One number at a time, multiplication and addition rounded apart: the same results on every
+    /// processor.
     pub fn scalar() -> Self {
         Self(None)
     }

@@ -1,9 +1,9 @@
 //! Running kernels: adapters, buffers, dispatch, lanes. No paper is known here.
 //!
-//! [`Engine`] says where work is done: on a device ([`Gpu`]), on the CPU in single precision, or by the references in
-//! double precision. A [`Kernel`] is the description of one compute shader; its host half, beside the method it
-//! belongs to, binds typed [`Buffer`]s and dispatches it. Every entry point returns an error, never a panic, when a
-//! device is missing, lost, or too small.
+//! [`Engine`] says where work is done: on a device ([`Gpu`]), on the CPU in single precision, or by
+//! the references in double precision. A [`Kernel`] is the description of one compute shader; its
+//! host half, beside the method it belongs to, binds typed [`Buffer`]s and dispatches it. Every
+//! entry point returns an error, never a panic, when a device is missing, lost, or too small.
 
 mod adapter;
 mod buffer;

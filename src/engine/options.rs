@@ -54,7 +54,8 @@ pub enum DeviceLimits {
     /// All the adapter has.
     #[default]
     Adapter,
-    /// No more than the smallest devices offer (four storage buffers per kernel, uniform blocks of 16 KiB).
+    /// No more than the smallest devices offer (four storage buffers per kernel, uniform blocks of
+    /// 16 KiB).
     Downlevel,
 }
 
@@ -91,7 +92,8 @@ impl Default for EngineOptions {
             adapter: None,
             memory: None,
             limits: DeviceLimits::Adapter,
-            // A software adapter on a busy machine needs many times what a time slice is planned for.
+            // A software adapter on a busy machine needs many times what a time slice is planned
+            // for.
             timeout: Duration::from_secs(60),
             cpu_stages: Vec::new(),
         }

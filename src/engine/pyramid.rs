@@ -1,10 +1,12 @@
 //! Pictures with their averages, for kernels that filter by themselves.
 //!
-//! Hardware samplers interpolate with eight bits of fraction, and no two alike; kernels that must agree with a reference load
-//! texels and weigh them in single precision. A pyramid is therefore a texture of unsigned words: 8 or 16 bits for samples of that
-//! depth, 32 for the bits of floats (formats of floats may flush or canonicalise them). Textures rather than storage buffers, because
-//! they may exceed the 128 MiB that a storage binding holds, and because software devices read scattered texels several times faster
-//! from them (see [`Table`](super::Table)). Kernels bind it as [`BindingKind::Table`](super::BindingKind::Table).
+//! Hardware samplers interpolate with eight bits of fraction, and no two alike; kernels that must
+//! agree with a reference load texels and weigh them in single precision. A pyramid is therefore a
+//! texture of unsigned words: 8 or 16 bits for samples of that depth, 32 for the bits of floats
+//! (formats of floats may flush or canonicalise them). Textures rather than storage buffers,
+//! because they may exceed the 128 MiB that a storage binding holds, and because software devices
+//! read scattered texels several times faster from them (see [`Table`](super::Table)). Kernels bind
+//! it as [`BindingKind::Table`](super::BindingKind::Table).
 
 use bytemuck::Pod;
 
@@ -16,14 +18,16 @@ use crate::error::{Error, Result};
 /// Bytes written before the device is waited for, so that not all of a picture is held three times.
 const FLUSH: usize = 32 << 20;
 
-/// A channel of a texel: an unsigned word of 8, 16 or 32 bits, or a float that is handed over as its bits.
+/// A channel of a texel: an unsigned word of 8, 16 or 32 bits, or a float that is handed over as
+/// its bits.
 pub trait Word: Pod + Default {}
 impl Word for u8 {}
 impl Word for u16 {}
 impl Word for u32 {}
 impl Word for f32 {}
 
-/// A read-only texture of unsigned words with levels, each of half the sides of the one before, rounded down, one at least.
+/// A read-only texture of unsigned words with levels, each of half the sides of the one before,
+/// rounded down, one at least.
 #[derive(Debug)]
 pub struct Pyramid {
     view: wgpu::TextureView,
@@ -67,11 +71,12 @@ fn format(channels: u32, bytes: usize) -> Option<wgpu::TextureFormat> {
 }
 
 impl Gpu {
-    /// A pyramid of `levels` levels from `size` (width, height) on, with 1, 2 or 4 `channels`. `fill` writes the words of one row of a level.
+    /// A pyramid of `levels` levels from `size` (width, height) on, with 1, 2 or 4 `channels`.
+    /// `fill` writes the words of one row of a level.
     ///
     /// # Errors
-    /// [`Error::Capability`] if a side is larger than a texture's may be, [`Error::Memory`] past the budget, [`Error::Device`] if the
-    /// device refuses or there is no such format.
+    /// [`Error::Capability`] if a side is larger than a texture's may be, [`Error::Memory`] past
+    /// the budget, [`Error::Device`] if the device refuses or there is no such format.
     pub fn pyramid<T: Word>(
         &self,
         label: &str,

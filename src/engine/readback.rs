@@ -1,4 +1,5 @@
-//! Bringing results back: one read, or a ring that lets the next tile compute while the last one is copied.
+//! Bringing results back: one read, or a ring that lets the next tile compute while the last one is
+//! copied.
 
 use std::collections::VecDeque;
 use std::marker::PhantomData;
@@ -30,7 +31,8 @@ struct Pending {
     mapped: Receiver<Outcome>,
 }
 
-/// A ring of staging buffers: results come back in the order they were asked for, up to `depth` at a time.
+/// A ring of staging buffers: results come back in the order they were asked for, up to `depth` at
+/// a time.
 #[derive(Debug)]
 pub struct ReadbackRing<'a, T> {
     gpu: &'a Gpu,
@@ -118,7 +120,8 @@ impl Gpu {
     /// Elements `range` of a buffer, after everything submitted so far.
     ///
     /// # Errors
-    /// [`Error::Device`] if the range leaves the buffer, the device is lost or does not answer in time.
+    /// [`Error::Device`] if the range leaves the buffer, the device is lost or does not answer in
+    /// time.
     pub fn read<T: Pod>(&self, from: &Buffer<T>, range: Range<usize>) -> Result<Vec<T>> {
         if range.is_empty() {
             self.check()?;

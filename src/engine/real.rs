@@ -3,7 +3,8 @@
 use std::fmt::{Debug, Display};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// The scalar of a CPU reference: its `f64` instance is the truth, its `f32` instance mirrors the kernel.
+/// The scalar of a CPU reference: its `f64` instance is the truth, its `f32` instance mirrors the
+/// kernel.
 pub trait Real:
     Copy
     + Debug

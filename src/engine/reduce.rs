@@ -1,8 +1,9 @@
 //! Reductions of a fixed shape: the same tree, hence the same bits, on every device and on the CPU.
 //!
-//! One level turns each run of [`RUN`] values into one: lane `l` of 64 takes the values `l`, `l + 64`, ... of the run in
-//! turn, then the lanes are taken in order. One barrier a run, because a barrier costs a software device more than the
-//! values do. The device does the first level; what is left is a thousandth, read back and finished here.
+//! One level turns each run of [`RUN`] values into one: lane `l` of 64 takes the values `l`, `l +
+//! 64`, ... of the run in turn, then the lanes are taken in order. One barrier a run, because a
+//! barrier costs a software device more than the values do. The device does the first level; what
+//! is left is a thousandth, read back and finished here.
 
 use super::buffer::Buffer;
 use super::gpu::Gpu;
@@ -101,7 +102,8 @@ impl Gpu {
         Ok(tree(partial, 0.0, |a: f32, b| a + b).unwrap_or(0.0))
     }
 
-    /// The smallest of the first `len` values of a buffer, all finite, and the lowest index it stands at; that of [`min`].
+    /// The smallest of the first `len` values of a buffer, all finite, and the lowest index it
+    /// stands at; that of [`min`].
     ///
     /// # Errors
     /// [`Error::Device`](crate::Error::Device).

@@ -1,5 +1,5 @@
-//! What a kernel really declares, held against its host half. Needs no adapter: a test runs it over every kernel, so that
-//! a fault shows before a user's first dispatch.
+//! What a kernel really declares, held against its host half. Needs no adapter: a test runs it over
+//! every kernel, so that a fault shows before a user's first dispatch.
 
 use naga::valid::{Capabilities, GlobalUse, ModuleInfo, ValidationFlags, Validator};
 use naga::{
@@ -14,7 +14,8 @@ const MOST_STORAGE: usize = 4;
 /// Bytes of workgroup memory a downlevel device has.
 const MOST_WORKGROUP_MEMORY: u32 = 16_352;
 
-/// Functions whose precision the WGSL specification leaves too loose for two devices to take the same decision.
+/// Functions whose precision the WGSL specification leaves too loose for two devices to take the
+/// same decision.
 const BANNED: &[MathFunction] = &[
     MathFunction::Cos,
     MathFunction::Cosh,
@@ -210,7 +211,8 @@ fn memory_faults(module: &Module, found: &mut Vec<String>) {
     }
 }
 
-/// Whether an expression reads an element, or a member of an element, at an index known only at run time.
+/// Whether an expression reads an element, or a member of an element, at an index known only at run
+/// time.
 fn indexed(function: &naga::Function, e: Handle<Expression>) -> bool {
     match &function.expressions[e] {
         Expression::Load { pointer } => indexed(function, *pointer),
@@ -227,7 +229,8 @@ fn function_faults(function: &naga::Function, found: &mut Vec<String>) {
             Expression::Math { fun, .. } if BANNED.contains(fun) => {
                 found.push(format!("{name} calls {fun:?}, whose precision differs between devices"));
             }
-            // Both sides of a select are evaluated: an index in one of them is followed even when it is not chosen.
+            // Both sides of a select are evaluated: an index in one of them is followed even when
+            // it is not chosen.
             Expression::Select { accept, reject, .. } if indexed(function, *accept) || indexed(function, *reject) => {
                 found.push(format!("{name} indexes inside select"));
             }

@@ -1,9 +1,10 @@
 //! Putting a kernel's text together.
 //!
-//! A line `//#import lib/NAME` is replaced by the file `shaders/lib/NAME.wgsl`, once per kernel however often it is
-//! named; imports may import. The directive is a comment, so that every file stays plain WGSL to an editor. Library
-//! files hold structs, constants and pure functions, never bindings. The origin of every line is kept, so that a
-//! message about line 212 of the whole can name file and line.
+//! A line `//#import lib/NAME` is replaced by the file `shaders/lib/NAME.wgsl`, once per kernel
+//! however often it is named; imports may import. The directive is a comment, so that every file
+//! stays plain WGSL to an editor. Library files hold structs, constants and pure functions, never
+//! bindings. The origin of every line is kept, so that a message about line 212 of the whole can
+//! name file and line.
 
 use crate::error::{Error, Result};
 

@@ -40,12 +40,13 @@ impl fmt::Display for Description {
 impl Engine {
     /// An engine as the options ask for.
     ///
-    /// `Auto` takes the best adapter, hardware before software; where there is none, or it cannot be started, the CPU
-    /// does the work and [`Engine::note`] says so. An adapter asked for by name must exist.
+    /// `Auto` takes the best adapter, hardware before software; where there is none, or it cannot
+    /// be started, the CPU does the work and [`Engine::note`] says so. An adapter asked for by name
+    /// must exist.
     ///
     /// # Errors
-    /// [`Error::NoAdapter`] if a named adapter, or for `Gpu` any adapter, is missing; [`Error::Device`] if it cannot be
-    /// started.
+    /// [`Error::NoAdapter`] if a named adapter, or for `Gpu` any adapter, is missing;
+    /// [`Error::Device`] if it cannot be started.
     ///
     /// # Examples
     /// ```
@@ -76,8 +77,8 @@ impl Engine {
         Self::on_cpu(Backend::Reference)
     }
 
-    /// An engine on a device the caller made and keeps. Its limits are what the device was created with; its callbacks
-    /// for loss and stray errors stay the caller's.
+    /// An engine on a device the caller made and keeps. Its limits are what the device was created
+    /// with; its callbacks for loss and stray errors stay the caller's.
     ///
     /// # Errors
     /// [`Error::Device`] if the device fails the start-up tests.
@@ -100,8 +101,8 @@ impl Engine {
         self.gpu.as_deref()
     }
 
-    /// The device that runs the stage called `stage`; `None` if it runs on the CPU, because the whole engine does or
-    /// because the options keep this stage there.
+    /// The device that runs the stage called `stage`; `None` if it runs on the CPU, because the
+    /// whole engine does or because the options keep this stage there.
     pub fn gpu_for(&self, stage: &str) -> Option<&Gpu> {
         if self.cpu_stages.iter().any(|s| s == stage) { None } else { self.gpu() }
     }

@@ -1,9 +1,10 @@
 //! Tables that kernels look things up in by an index of their own.
 //!
-//! Records of a mesh are read at scattered places. A software device takes such reads from a texture at a fraction of
-//! the cost of a storage buffer, and hardware caches them at least as well, so tables are textures of four unsigned
-//! words a texel: unsigned, because those keep every bit of a floating-point number, also where the format's own would
-//! flush or canonicalise it. `shaders/lib/table.wgsl` has the other half.
+//! Records of a mesh are read at scattered places. A software device takes such reads from a
+//! texture at a fraction of the cost of a storage buffer, and hardware caches them at least as
+//! well, so tables are textures of four unsigned words a texel: unsigned, because those keep every
+//! bit of a floating-point number, also where the format's own would flush or canonicalise it.
+//! `shaders/lib/table.wgsl` has the other half.
 
 use bytemuck::Pod;
 
@@ -35,8 +36,8 @@ impl Gpu {
     /// A table holding `records`, one after the other.
     ///
     /// # Errors
-    /// [`Error::Capability`] if it is larger than a texture may be, [`Error::Memory`] past the budget,
-    /// [`Error::Device`] if the device refuses or a record is not made of whole texels.
+    /// [`Error::Capability`] if it is larger than a texture may be, [`Error::Memory`] past the
+    /// budget, [`Error::Device`] if the device refuses or a record is not made of whole texels.
     pub fn table<T: Pod>(&self, label: &str, records: &[T]) -> Result<Table> {
         if !size_of::<T>().is_multiple_of(TEXEL) {
             return Err(Error::Device {

@@ -9,12 +9,12 @@ use crate::error::{Error, Result};
 /// Smallest mass of a vertex in parts of the mean one.
 const LEAST_MASS: f64 = 1e-4;
 
-/// `L' M^-1 L` and `M`: L is the cotangent Laplacian without boundary flow, so that linear functions on flat meshes have no energy, M the lumped mass.
+/// `L' M^-1 L` and `M`: L is the cotangent Laplacian without boundary flow, so that linear
+/// functions on flat meshes have no energy, M the lumped mass.
 #[derive(Clone, Debug)]
 pub(crate) struct Bending {
     /// Lower half: row v holds column v of the matrix from the diagonal on, then its entries of
-    /// long rows of M^-1/2 L, numbered after
-    /// the vertices.
+    /// long rows of M^-1/2 L, numbered after the vertices.
     energy: SparseRows,
     /// How many rows of L are long.
     long: usize,
@@ -25,7 +25,8 @@ pub(crate) struct Bending {
 }
 
 impl Bending {
-    /// The energy over `triangles`, the usable ones of a mesh. O(V + F), and the analysis for factorisations.
+    /// The energy over `triangles`, the usable ones of a mesh. O(V + F), and the analysis for
+    /// factorisations.
     ///
     /// # Errors
     /// [`Error::Numeric`] if there is not enough memory.
@@ -77,7 +78,8 @@ impl Bending {
         Ok(Self { energy, long, pattern, mass })
     }
 
-    /// Factorises `M + eps L' M^-1 L + weight sum x x'`, `x` being the barycentric coordinates of `ties` to points of triangles.
+    /// Factorises `M + eps L' M^-1 L + weight sum x x'`, `x` being the barycentric coordinates of
+    /// `ties` to points of triangles.
     ///
     /// # Errors
     /// [`Error::Numeric`] if that breaks down.
@@ -185,8 +187,9 @@ mod tests {
         let triangles = mesh.triangles().to_vec();
         let bending = Bending::new(&mesh.positions, &triangles).unwrap();
         let n = mesh.vertex_count();
-        // Three points tied to a linear function that the mass pulls to zero: a plate of stiffness 1e6 under a load of at most 5 bends by about
-        // 5 L^4 / 8e6 = 1e-5 over its length L of 2, and ties of weight 1e6 give way by as much.
+        // Three points tied to a linear function that the mass pulls to zero: a plate of stiffness
+        // 1e6 under a load of at most 5 bends by about 5 L^4 / 8e6 = 1e-5 over its length L of 2,
+        // and ties of weight 1e6 give way by as much.
         let f = |p: DVec3| 2.0 + p.x - 3.0 * p.y;
         let x = [0.2, 0.3, 0.5];
         let tied: Vec<usize> = vec![0, triangles.len() / 2, triangles.len() - 1];

@@ -1,12 +1,10 @@
 //! Sparse Cholesky factors of symmetric positive definite matrices.
 //!
 //! The sum of squares `A + sum l l'` is dense where a row l is long, as that of a vertex with
-//! thousands of neighbours is.
-//! It is then given as the *bordered* matrix `[A l; l' -1]`, which has one unknown more for each
-//! long row and the same solution
-//! for the others, `l' x` being the value of the new one. It is quasi-definite: L D L' exists for
-//! any order of the unknowns
-//! (Vanderbei 1995), and the number of non-zeros stays linear in that of the vertices.
+//! thousands of neighbours is. It is then given as the *bordered* matrix `[A l; l' -1]`, which has
+//! one unknown more for each long row and the same solution for the others, `l' x` being the value
+//! of the new one. It is quasi-definite: L D L' exists for any order of the unknowns (Vanderbei
+//! 1995), and the number of non-zeros stays linear in that of the vertices.
 
 use std::sync::Arc;
 
@@ -22,12 +20,12 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 
-/// Columns solved for together: fewer read the factor too often, more leave threads idle where there are few.
+/// Columns solved for together: fewer read the factor too often, more leave threads idle where
+/// there are few.
 const COLUMNS: usize = 6;
 
 /// Rows of more entries than this are long. Their squares have this many entries for each of
-/// theirs, at most; vertices of real meshes
-/// have 4 to 20 neighbours.
+/// theirs, at most; vertices of real meshes have 4 to 20 neighbours.
 pub(crate) const LONGEST: usize = 64;
 
 /// The places of the entries of a symmetric matrix, analysed once for any number of factorisations.
@@ -42,9 +40,8 @@ pub(crate) struct SparsePattern {
 }
 
 impl SparsePattern {
-    /// The lower half by columns: the entries of column c are those from `starts[c]` to
-    /// `starts[c + 1]`, rows ascending. The last
-    /// `border` columns are those of long rows.
+    /// The lower half by columns: the entries of column c are those from `starts[c]` to `starts[c +
+    /// 1]`, rows ascending. The last `border` columns are those of long rows.
     ///
     /// # Errors
     /// [`Error::Numeric`], naming the system by `what`, if there is not enough memory.
@@ -57,7 +54,8 @@ impl SparsePattern {
         Ok(Self { matrix, factor: Arc::new(factor), border, what })
     }
 
-    /// Factorises the matrix with these values, in the order of the entries. Sequential, so that the number of threads does not change the result. `None` if the matrix is not numerically
+    /// Factorises the matrix with these values, in the order of the entries. Sequential, so that
+    /// the number of threads does not change the result. `None` if the matrix is not numerically
     /// positive definite.
     ///
     /// # Errors
@@ -126,8 +124,8 @@ impl SparseCholesky {
     }
 
     /// Replaces the columns of `x` by the solutions, several columns at a time on every thread; the
-    /// number of threads does not change the result. The unknowns of
-    /// long rows may be left out; their right-hand sides are zero then.
+    /// number of threads does not change the result. The unknowns of long rows may be left out;
+    /// their right-hand sides are zero then.
     ///
     /// # Errors
     /// [`Error::Numeric`] if there is not enough memory.

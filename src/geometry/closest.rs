@@ -1,7 +1,8 @@
 //! Closest points on a triangle mesh.
 //!
-//! A bounding volume hierarchy of our own: of the crates looked at, `bvh` and `parry3d-f64` leave open which triangle is named when a vertex
-//! or an edge is closest, and here that must be the lowest one; `kiddo` knows points only.
+//! A bounding volume hierarchy of our own: of the crates looked at, `bvh` and `parry3d-f64` leave
+//! open which triangle is named when a vertex or an edge is closest, and here that must be the
+//! lowest one; `kiddo` knows points only.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -19,7 +20,8 @@ const FLAT: f64 = 1e-20;
 struct Node {
     low: DVec3,
     high: DVec3,
-    /// Leaf: first of its triangles. Inner node: the second child; the first one follows its parent.
+    /// Leaf: first of its triangles. Inner node: the second child; the first one follows its
+    /// parent.
     first: u32,
     /// Number of triangles of a leaf, 0 for an inner node.
     count: u32,
@@ -63,9 +65,11 @@ impl ClosestPoints {
         Self { frame, nodes, faces, corners, tie }
     }
 
-    /// The point of the mesh closest to `p`, with its distance; `None` if `p` is not finite or there is no usable triangle.
+    /// The point of the mesh closest to `p`, with its distance; `None` if `p` is not finite or
+    /// there is no usable triangle.
     ///
-    /// Where several triangles are equally close (up to rounding), the lowest one is named. About O(log F).
+    /// Where several triangles are equally close (up to rounding), the lowest one is named. About
+    /// O(log F).
     pub fn nearest(&self, p: DVec3) -> Option<(SurfacePoint, f64)> {
         self.nearest_local(self.frame.local(p)).map(|(q, d)| (q, d / self.frame.scale))
     }
@@ -99,7 +103,8 @@ impl ClosestPoints {
         points.par_iter().map(|&p| self.nearest(p)).collect()
     }
 
-    /// Calls `leaf` with face, barycentric coordinates, squared distance and the bound for each triangle whose box is not beyond the bound.
+    /// Calls `leaf` with face, barycentric coordinates, squared distance and the bound for each
+    /// triangle whose box is not beyond the bound.
     fn visit(&self, p: DVec3, bound: &mut f64, mut leaf: impl FnMut(u32, [f64; 3], f64, &mut f64)) {
         let mut stack = vec![(0u32, self.nodes[0].distance_squared(p))];
         while let Some((n, d)) = stack.pop() {
@@ -124,7 +129,8 @@ impl ClosestPoints {
     }
 }
 
-/// Appends the node of `items[begin..end]` and all below it. Halves at the median centroid of the longest axis, so the depth is logarithmic.
+/// Appends the node of `items[begin..end]` and all below it. Halves at the median centroid of the
+/// longest axis, so the depth is logarithmic.
 fn build(items: &mut [(u32, [DVec3; 3])], begin: usize, end: usize, nodes: &mut Vec<Node>) {
     let part = &mut items[begin..end];
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
@@ -153,7 +159,8 @@ fn build(items: &mut [(u32, [DVec3; 3])], begin: usize, end: usize, nodes: &mut 
 
 /// Barycentric coordinates of the point of a triangle closest to `p`: nonnegative, summing to one.
 ///
-/// The Voronoi regions of the corners and edges are told apart by scalar products (Ericson, Real-Time Collision Detection, 5.1.5).
+/// The Voronoi regions of the corners and edges are told apart by scalar products (Ericson,
+/// Real-Time Collision Detection, 5.1.5).
 pub fn closest_barycentric(p: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
     let (ab, ac, ap) = (b - a, c - a, p - a);
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));

@@ -170,7 +170,8 @@ impl fmt::Display for Diagnosis {
     }
 }
 
-/// Every edge once: its vertices, how many usable triangles it has, and whether two of them disagree in orientation.
+/// Every edge once: its vertices, how many usable triangles it has, and whether two of them
+/// disagree in orientation.
 struct Edges {
     list: Vec<(u32, u32, usize, bool)>,
 }
@@ -191,7 +192,8 @@ impl Edges {
         Self { list }
     }
 
-    /// Fills in loops and genus; returns the number of vertices with several fans that lie on no edge of more than two triangles.
+    /// Fills in loops and genus; returns the number of vertices with several fans that lie on no
+    /// edge of more than two triangles.
     fn explain(&self, topology: &Topology, components: &mut [Component]) -> usize {
         let mut edge_count = vec![0usize; components.len()];
         let mut manifold = vec![true; components.len()];
@@ -206,7 +208,8 @@ impl Edges {
                 (on_bad_edge[a as usize], on_bad_edge[b as usize]) = (true, true);
             }
             if triangles == 1 {
-                // A boundary edge between two sets of boundary vertices joins them; a loop is what is joined in the end.
+                // A boundary edge between two sets of boundary vertices joins them; a loop is what
+                // is joined in the end.
                 let mut enter = |v: u32| usize::from(!std::mem::replace(&mut on_loop[v as usize], true));
                 let new = enter(a) + enter(b);
                 let joined = usize::from(loops.join(a, b));
@@ -303,7 +306,8 @@ mod tests {
     fn every_fault_is_found() {
         let mut positions = CORNERS.to_vec();
         positions.extend([[0.0, 0.0, -1.0], [5.0, 5.0, 5.0], [f64::NAN, 0.0, 0.0], [0.0, 0.0, -1.0]]);
-        // A tetrahedron, a fin on one edge (4), the same fin again, a degenerate triangle, and a triangle on a repeated position (7).
+        // A tetrahedron, a fin on one edge (4), the same fin again, a degenerate triangle, and a
+        // triangle on a repeated position (7).
         let mut triangles = TETRAHEDRON.to_vec();
         triangles.extend([[0, 1, 4], [1, 0, 4], [2, 2, 3], [0, 1, 6], [2, 3, 7]]);
         let d = diagnose(&positions, &triangles);

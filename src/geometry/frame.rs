@@ -1,30 +1,22 @@
 //! Coordinates about a point of the shape itself, at a size near 1.
 //!
 //! Georeferenced scans stand millions of sizes away from the origin, others measure in micrometres.
-//! What is
-//! computed from raw coordinates there loses digits: products and sums of them round by the size of
-//! the
-//! coordinates, not of the shape, and single precision has none left. Results must not depend on
-//! where a
-//! shape stands or what unit it is measured in.
+//! What is computed from raw coordinates there loses digits: products and sums of them round by the
+//! size of the coordinates, not of the shape, and single precision has none left. Results must not
+//! depend on where a shape stands or what unit it is measured in.
 //!
 //! Two ways lead there. The coordinates could be replaced as a file is read and put back as one is
-//! written.
-//! Every position, length and area that enters or leaves a command would have to be converted then,
-//! and one
-//! that is missed is wrong without a word. So meshes keep the coordinates of the file, and whatever
-//! computes
-//! with more than differences of them takes a [`Frame`] of the shape first. Modules that use only
-//! differences of positions (areas, normals, geodesics, Laplacians, simplification) need none.
+//! written. Every position, length and area that enters or leaves a command would have to be
+//! converted then, and one that is missed is wrong without a word. So meshes keep the coordinates
+//! of the file, and whatever computes with more than differences of them takes a [`Frame`] of the
+//! shape first. Modules that use only differences of positions (areas, normals, geodesics,
+//! Laplacians, simplification) need none.
 //!
 //! The origin of a frame is *a vertex of the shape*, the scale a power of two. Then local
-//! coordinates are the
-//! same bits for the same shape shifted by any vector for which the shift is exact, and scaled by
-//! any power
-//! of two: a floating-point difference is the rounded value of the exact one, and both vertices
-//! shift alike.
-//! Decisions made in local coordinates are the same for both. The middle of a box would round with
-//! the shift.
+//! coordinates are the same bits for the same shape shifted by any vector for which the shift is
+//! exact, and scaled by any power of two: a floating-point difference is the rounded value of the
+//! exact one, and both vertices shift alike. Decisions made in local coordinates are the same for
+//! both. The middle of a box would round with the shift.
 
 use glam::DVec3;
 

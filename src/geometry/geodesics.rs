@@ -1,9 +1,11 @@
 //! Geodesic distances on triangle meshes by fast marching.
 //!
-//! Fronts are circles, not lines: the distances at two vertices of a triangle place a virtual source in the triangle's plane,
-//! from which the distance of the third vertex is measured (Novotni and Klein 2002). That is exact on a plane. Sethian's
-//! ordering fails in obtuse triangles, where a vertex can be reached before the edge the front comes through is complete;
-//! such a vertex is corrected, and marched from again, when a shorter distance turns up later. No unfolding is needed.
+//! Fronts are circles, not lines: the distances at two vertices of a triangle place a virtual
+//! source in the triangle's plane, from which the distance of the third vertex is measured (Novotni
+//! and Klein 2002). That is exact on a plane. Sethian's ordering fails in obtuse triangles, where a
+//! vertex can be reached before the edge the front comes through is complete; such a vertex is
+//! corrected, and marched from again, when a shorter distance turns up later. No unfolding is
+//! needed.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -11,7 +13,8 @@ use std::collections::BinaryHeap;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// A vertex that has been marched from is marched from again if its distance falls by more than this part of it.
+/// A vertex that has been marched from is marched from again if its distance falls by more than
+/// this part of it.
 const REOPEN: f64 = 1e-7;
 
 /// One triangle seen from one of its vertices.
@@ -51,7 +54,8 @@ fn key(distance: f64, vertex: u32) -> u64 {
 }
 
 impl Geodesics {
-    /// Prepares `triangles` over `positions`. Triangles with two equal vertices are left out. O(V + F).
+    /// Prepares `triangles` over `positions`. Triangles with two equal vertices are left out. O(V +
+    /// F).
     ///
     /// # Panics
     /// If a triangle names a vertex that does not exist.
@@ -91,7 +95,8 @@ impl Geodesics {
         self.start.len() - 1
     }
 
-    /// Distances of all vertices from `source`, in `march.distances`; infinite on other components. O(V log V).
+    /// Distances of all vertices from `source`, in `march.distances`; infinite on other components.
+    /// O(V log V).
     ///
     /// # Panics
     /// If `source` does not exist.
@@ -108,7 +113,8 @@ impl Geodesics {
         march.marched.resize(self.vertex_count(), f64::INFINITY);
     }
 
-    /// Lowers the distances in `march` to those from `source` where these are shorter. Only that part of the mesh is visited.
+    /// Lowers the distances in `march` to those from `source` where these are shorter. Only that
+    /// part of the mesh is visited.
     ///
     /// # Panics
     /// If `source` does not exist or `march` was not cleared for this mesh.
@@ -128,7 +134,8 @@ impl Geodesics {
                 for side in 0..2 {
                     let (target, other) = (wedge.ends[side] as usize, wedge.ends[1 - side] as usize);
                     let old = distances[target];
-                    // Where the angle is obtuse a front can reach its corner before both ends of the opposite side.
+                    // Where the angle is obtuse a front can reach its corner before both ends of
+                    // the opposite side.
                     if old <= d && !wedge.obtuse[side] {
                         continue;
                     }
@@ -149,8 +156,9 @@ impl Geodesics {
         }
     }
 
-    /// Distances between all pairs of `sources`, row-major; row i comes from the march that starts at source i, so that the matrix is
-    /// symmetric only up to the marching error. Parallel over sources.
+    /// Distances between all pairs of `sources`, row-major; row i comes from the march that starts
+    /// at source i, so that the matrix is symmetric only up to the marching error. Parallel over
+    /// sources.
     ///
     /// # Panics
     /// If a source does not exist.
@@ -167,11 +175,12 @@ impl Geodesics {
     }
 }
 
-/// Distance of end `side` of the wedge from the virtual source that is `d` away from its vertex and `e` from the other end; `None` if the
-/// straight line does not pass between the two.
+/// Distance of end `side` of the wedge from the virtual source that is `d` away from its vertex and
+/// `e` from the other end; `None` if the straight line does not pass between the two.
 #[inline]
 fn across(d: f64, e: f64, wedge: &Wedge, side: usize) -> Option<f64> {
-    // The vertex is the origin, the other end at (base, 0), the target above and the source below the base.
+    // The vertex is the origin, the other end at (base, 0), the target above and the source below
+    // the base.
     let (base, reach) = (wedge.lengths[1 - side], wedge.lengths[side]);
     let (tx, ty) = (reach * wedge.cos, reach * wedge.sin);
     let sx = ((d - e) * (d + e) + base * base) / (2.0 * base);

@@ -1,11 +1,14 @@
-//! Maps between meshes of the same connectivity, whatever their vertices and triangles are numbered.
+//! Maps between meshes of the same connectivity, whatever their vertices and triangles are
+//! numbered.
 
 use super::{NONE, Topology};
 
 /// Rounds of colouring: a vertex's colour tells what lies this many edges around it.
 const ROUNDS: usize = 6;
 
-/// A number for each vertex that no renumbering changes (colour refinement; Weisfeiler and Leman, 1968): vertices of different colours never correspond. 0 for vertices of no usable triangle. O(F).
+/// A number for each vertex that no renumbering changes (colour refinement; Weisfeiler and Leman,
+/// 1968): vertices of different colours never correspond. 0 for vertices of no usable triangle.
+/// O(F).
 pub(crate) fn colours(topology: &Topology) -> Vec<u64> {
     let n = topology.vertex_count();
     let boundary = |t: u32, k: usize| topology.neighbours[t as usize][k] == NONE;
@@ -44,7 +47,8 @@ pub(crate) struct Dart {
     pub(crate) corner: usize,
 }
 
-/// Looks for maps of components of one mesh onto components of another; holds what every attempt needs.
+/// Looks for maps of components of one mesh onto components of another; holds what every attempt
+/// needs.
 #[derive(Debug)]
 pub(crate) struct Walker<'a> {
     from: &'a Topology,
@@ -70,8 +74,10 @@ impl<'a> Walker<'a> {
         }
     }
 
-    /// The one map of triangles onto triangles, neighbours onto neighbours, that sends corner `a` to corner `b`, turning round with the orientation or, `mirrored`, against it: pairs of vertices, for all that
-    /// is joined to `a` across edges. `None` if there is none, which mostly shows within a few triangles; O(F) else.
+    /// The one map of triangles onto triangles, neighbours onto neighbours, that sends corner `a`
+    /// to corner `b`, turning round with the orientation or, `mirrored`, against it: pairs of
+    /// vertices, for all that is joined to `a` across edges. `None` if there is none, which mostly
+    /// shows within a few triangles; O(F) else.
     pub(crate) fn walk(&mut self, a: Dart, b: Dart, mirrored: bool) -> Option<Vec<(u32, u32)>> {
         let mut corners = [0; 3];
         for i in 0..3 {
@@ -164,7 +170,8 @@ mod tests {
     use super::*;
     use crate::models::shapes::{Random, icosphere, lobed_sphere};
 
-    /// The same triangles with vertices, triangles and first corners in another order, turned round if so asked; and where each vertex went.
+    /// The same triangles with vertices, triangles and first corners in another order, turned round
+    /// if so asked; and where each vertex went.
     pub(crate) fn renumbered(topology: &Topology, seed: u64, turned: bool) -> (Topology, Vec<u32>) {
         let mut random = Random::new(seed);
         let mut shuffled = |n: usize| -> Vec<u32> {
@@ -209,7 +216,8 @@ mod tests {
 
     #[test]
     fn a_renumbered_mesh_is_found_and_colours_are_kept() {
-        // An icosahedron's subdivision has its 120 symmetries, half of them mirrored: one of them is the renumbering, and every one keeps colours.
+        // An icosahedron's subdivision has its 120 symmetries, half of them mirrored: one of them
+        // is the renumbering, and every one keeps colours.
         let topology = Topology::new(&icosphere(1.0, 2));
         for turned in [false, true] {
             let (other, new) = renumbered(&topology, 5, turned);

@@ -2,7 +2,8 @@
 
 use glam::DVec3;
 
-/// Largest cotangent taken as it is. Needles beyond it (angles under 1e-4) count as that sharp, so that they cannot swamp their neighbours.
+/// Largest cotangent taken as it is. Needles beyond it (angles under 1e-4) count as that sharp, so
+/// that they cannot swamp their neighbours.
 const MAX_COTANGENT: f64 = 1e4;
 
 /// A sparse matrix by rows, columns ascending in each row.
@@ -17,7 +18,8 @@ pub struct SparseRows {
 }
 
 impl SparseRows {
-    /// The matrix with `rows` rows whose entries are `triplets` (row, column, value); equal places are summed in the order given.
+    /// The matrix with `rows` rows whose entries are `triplets` (row, column, value); equal places
+    /// are summed in the order given.
     ///
     /// # Panics
     /// If a row is out of range.
@@ -70,10 +72,11 @@ impl SparseRows {
 
 /// Stiffness and mass of the linear finite elements on a mesh.
 ///
-/// `stiffness` is symmetric and *positive semidefinite*: its off-diagonal entry of an edge is -(cot a + cot b)/2 with the angles opposite to
-/// the edge, its rows sum to zero, and x' S x is the Dirichlet energy (the integral of the squared gradient). It has no unit. The
-/// Laplace-Beltrami operator is -M^-1 S. `mass` is the lumped barycentric one: a third of the area of the triangles around a
-/// vertex, zero where there are none.
+/// `stiffness` is symmetric and *positive semidefinite*: its off-diagonal entry of an edge is -(cot
+/// a + cot b)/2 with the angles opposite to the edge, its rows sum to zero, and x' S x is the
+/// Dirichlet energy (the integral of the squared gradient). It has no unit. The Laplace-Beltrami
+/// operator is -M^-1 S. `mass` is the lumped barycentric one: a third of the area of the triangles
+/// around a vertex, zero where there are none.
 #[derive(Clone, Debug)]
 pub struct Laplacian {
     /// Stiffness matrix S; entries of absent vertices have empty rows.
@@ -93,7 +96,8 @@ pub fn half_cotangents(p: [DVec3; 3]) -> [f64; 3] {
 }
 
 impl Laplacian {
-    /// Stiffness and mass of `triangles`, which should be the usable ones of a mesh, over `positions`. O(V + F).
+    /// Stiffness and mass of `triangles`, which should be the usable ones of a mesh, over
+    /// `positions`. O(V + F).
     ///
     /// # Panics
     /// If a triangle names a vertex that does not exist.
@@ -112,12 +116,14 @@ impl Laplacian {
         Self { stiffness: SparseRows::from_triplets(positions.len(), &triplets), mass }
     }
 
-    /// The stiffness matrix with the boundary term taken out, so that it maps every linear function on a flat mesh to zero, also at the
-    /// boundary. Its rows still sum to zero; it is no longer symmetric. Inner rows are those of the stiffness matrix.
+    /// The stiffness matrix with the boundary term taken out, so that it maps every linear function
+    /// on a flat mesh to zero, also at the boundary. Its rows still sum to zero; it is no longer
+    /// symmetric. Inner rows are those of the stiffness matrix.
     ///
-    /// A boundary row of S holds, besides the Laplacian, the flow through the two boundary edges at the vertex. In a triangle with
-    /// boundary edge (i, j) and opposite corner k that flow is, shared between i and j, minus row k of the triangle's own stiffness.
-    /// Edges with three triangles or more are no boundary: there the flows cancel.
+    /// A boundary row of S holds, besides the Laplacian, the flow through the two boundary edges at
+    /// the vertex. In a triangle with boundary edge (i, j) and opposite corner k that flow is,
+    /// shared between i and j, minus row k of the triangle's own stiffness. Edges with three
+    /// triangles or more are no boundary: there the flows cancel.
     pub fn without_boundary_flow(&self, positions: &[DVec3], triangles: &[[u32; 3]]) -> SparseRows {
         let mut edges: Vec<(u32, u32, u32, u8)> = Vec::with_capacity(3 * triangles.len());
         for (f, t) in triangles.iter().enumerate() {

@@ -10,9 +10,11 @@ pub use super::placement::{Placement, Wrap};
 pub struct Material {
     /// Name in the file.
     pub name: String,
-    /// The base colour texture, as a path that can be opened (already joined with the material file's folder).
+    /// The base colour texture, as a path that can be opened (already joined with the material
+    /// file's folder).
     pub base_color_texture: Option<PathBuf>,
-    /// The base colour texture as the bytes of an image file, where the mesh file holds it itself (GLB).
+    /// The base colour texture as the bytes of an image file, where the mesh file holds it itself
+    /// (GLB).
     pub embedded_texture: Option<Arc<[u8]>>,
     /// How the base colour texture lies on the surface.
     pub base_color_placement: Placement,
@@ -96,8 +98,8 @@ pub const ROLES: [&str; 13] = [
 /// A texture of a material.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RoleTexture {
-    /// What it is for: `metallic_roughness` (roughness in green, metallic in blue, as glTF packs them), `roughness`, `metallic`, `normal`,
-    /// `occlusion`, `emissive`, `height`, `opacity` ...
+    /// What it is for: `metallic_roughness` (roughness in green, metallic in blue, as glTF packs
+    /// them), `roughness`, `metallic`, `normal`, `occlusion`, `emissive`, `height`, `opacity` ...
     pub role: String,
     /// Where it is.
     pub content: TextureContent,
@@ -145,7 +147,8 @@ pub enum AlphaMode {
     Blend,
 }
 
-/// Factors of a material in the metallic-roughness model (glTF 2.0, section 3.9); its textures are multiplied with them.
+/// Factors of a material in the metallic-roughness model (glTF 2.0, section 3.9); its textures are
+/// multiplied with them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Look {
     /// Metallic factor, 0..1.

@@ -24,15 +24,12 @@ pub struct Corner {
 /// A polygon mesh with texture coordinates, groups and materials in file order, and its triangles.
 ///
 /// A vertex index is the position of its line in the file whatever is unused. A polygon of n
-/// corners has n - 2 triangles: the
-/// fan from its first corner where that lies inside it, as it does in every convex polygon, else
-/// triangles between its corners that
-/// do (`geometry::triangulate`). Triangle indices count them polygon by polygon in file order,
-/// those of one polygon in the order of
-/// their lowest, then middle, then highest corner, which is also the order in which a triangle
-/// names its corners. Degenerate triangles keep their
-/// number, and moving vertices changes none. Positions are in the file's units and axes; texture
-/// row v = 1 is the top of the picture.
+/// corners has n - 2 triangles: the fan from its first corner where that lies inside it, as it does
+/// in every convex polygon, else triangles between its corners that do (`geometry::triangulate`).
+/// Triangle indices count them polygon by polygon in file order, those of one polygon in the order
+/// of their lowest, then middle, then highest corner, which is also the order in which a triangle
+/// names its corners. Degenerate triangles keep their number, and moving vertices changes none.
+/// Positions are in the file's units and axes; texture row v = 1 is the top of the picture.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
     /// Where it came from; used in messages.
@@ -163,8 +160,7 @@ impl Mesh {
     }
 
     /// Replaces the texture coordinates by what `new` makes of them for the polygons that use them.
-    /// Those that were one stay
-    /// one as far as they stay equal. O(corners).
+    /// Those that were one stay one as far as they stay equal. O(corners).
     pub fn map_texcoords(&mut self, new: impl Fn(usize, DVec2) -> DVec2) {
         let old = std::mem::take(&mut self.texcoords);
         let mut known: HashMap<(u32, [u64; 2]), u32> = HashMap::new();
@@ -187,7 +183,8 @@ impl Mesh {
         self.corners.iter().any(|c| c.texcoord != NONE)
     }
 
-    /// Area-weighted normal of triangle `t`: its length is twice the area, counter-clockwise is outside.
+    /// Area-weighted normal of triangle `t`: its length is twice the area, counter-clockwise is
+    /// outside.
     pub fn triangle_area_normal(&self, t: usize) -> DVec3 {
         let [a, b, c] = self.triangle_positions(t);
         (b - a).cross(c - a)
@@ -203,7 +200,8 @@ impl Mesh {
         (0..self.triangle_count()).map(|t| self.triangle_area(t)).sum()
     }
 
-    /// Mean length of the triangles' edges (inner edges count once per triangle); 0 without triangles.
+    /// Mean length of the triangles' edges (inner edges count once per triangle); 0 without
+    /// triangles.
     pub fn mean_edge_length(&self) -> f64 {
         let n = self.triangle_count();
         if n == 0 {
@@ -221,17 +219,14 @@ impl Mesh {
     /// Joins vertices: `representatives[v]` stands for `v` in everything that is computed.
     ///
     /// Files repeat a vertex where texture coordinates or normals differ, or for every face. The
-    /// surface is one
-    /// there. Vertices keep their numbers and positions. Corners, and so triangles and topology,
-    /// name the
-    /// representative. What it stands for becomes a vertex of no triangle, and
-    /// [`Mesh::file_polygon`] still
-    /// gives the corners of the file. A second call replaces the first. O(corners).
+    /// surface is one there. Vertices keep their numbers and positions. Corners, and so triangles
+    /// and topology, name the representative. What it stands for becomes a vertex of no triangle,
+    /// and [`Mesh::file_polygon`] still gives the corners of the file. A second call replaces the
+    /// first. O(corners).
     ///
     /// # Panics
     /// If the length differs from the number of vertices, a representative comes after a vertex
-    /// that it stands
-    /// for, or does not stand for itself.
+    /// that it stands for, or does not stand for itself.
     pub fn join(&mut self, representatives: Vec<u32>) {
         assert_eq!(representatives.len(), self.positions.len(), "one representative a vertex");
         for (v, &r) in representatives.iter().enumerate() {
@@ -267,8 +262,7 @@ impl Mesh {
     }
 
     /// Takes the triangles and the joined vertices of `other`, which has the same polygons: the
-    /// numbers of a triangulation depend
-    /// on positions, and shapes of one connectivity need one.
+    /// numbers of a triangulation depend on positions, and shapes of one connectivity need one.
     ///
     /// # Panics
     /// If the numbers of vertices or corners differ.
@@ -295,8 +289,7 @@ impl Mesh {
     }
 
     /// The vertex that stands for `v` in everything that is computed: the lowest of those joined
-    /// with it, or
-    /// `v` itself.
+    /// with it, or `v` itself.
     pub fn representative(&self, v: u32) -> u32 {
         self.representatives.get(v as usize).copied().unwrap_or(v)
     }
@@ -366,8 +359,8 @@ impl Mesh {
 
 /// Builds a [`Mesh`] polygon by polygon.
 ///
-/// Indices are not checked here: a reader checks them where it knows the line (`io`), and [`MeshBuilder::build`] panics on an
-/// index out of range, which is a bug of the reader.
+/// Indices are not checked here: a reader checks them where it knows the line (`io`), and
+/// [`MeshBuilder::build`] panics on an index out of range, which is a bug of the reader.
 #[derive(Debug, Default)]
 pub struct MeshBuilder {
     /// Positions, texture coordinates, normals, materials and groups are filled in directly.

@@ -70,13 +70,11 @@ impl Placement {
     }
 
     /// As the glTF extension KHR_texture_transform: in its coordinates, whose v runs down, scaled,
-    /// then rotated, then
-    /// moved.
+    /// then rotated, then moved.
     ///
     /// The rotation is that of renderers and of the Khronos sample model: the coordinates turn
-    /// counter-clockwise as
-    /// seen on the picture. The matrix printed in the extension's text turns the other way (glTF
-    /// issue 1563).
+    /// counter-clockwise as seen on the picture. The matrix printed in the extension's text turns
+    /// the other way (glTF issue 1563).
     pub fn of_gltf(offset: DVec2, rotation: f64, scale: DVec2) -> Self {
         let (sin, cos) = rotation.sin_cos();
         // Column by column.
@@ -86,8 +84,7 @@ impl Placement {
     }
 
     /// Offset, rotation and scale of KHR_texture_transform for this placement. Exact, but for
-    /// rounding, as long as the
-    /// transform shears nothing, which no format can say.
+    /// rounding, as long as the transform shears nothing, which no format can say.
     pub fn to_gltf(&self) -> (DVec2, f64, DVec2) {
         let inner = flipped(self.transform);
         let (x, y) = (inner.matrix2.x_axis, inner.matrix2.y_axis);

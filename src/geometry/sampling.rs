@@ -2,7 +2,8 @@
 
 use super::geodesics::{Geodesics, March};
 
-/// Distances closer than this part of the largest count as equal, so that rounding does not choose between symmetric places.
+/// Distances closer than this part of the largest count as equal, so that rounding does not choose
+/// between symmetric places.
 const TIE: f64 = 1e-9;
 
 /// The lowest of the vertices that are farthest away among the reached ones, with its distance.
@@ -14,9 +15,10 @@ fn farthest(distances: &[f64]) -> Option<(u32, f64)> {
 
 /// Up to `count` vertices of the component of vertex `seed`, each farthest from all before it.
 ///
-/// The first is the vertex farthest from `seed`, so that the samples begin at an extremity whatever the seed is. Fewer are returned if the
-/// component has no more vertices apart from one another. Ties go to the lowest vertex. Time: about ln(`count`) marches over the
-/// component and `count` passes over the vertices.
+/// The first is the vertex farthest from `seed`, so that the samples begin at an extremity whatever
+/// the seed is. Fewer are returned if the component has no more vertices apart from one another.
+/// Ties go to the lowest vertex. Time: about ln(`count`) marches over the component and `count`
+/// passes over the vertices.
 ///
 /// # Panics
 /// If `seed` does not exist.

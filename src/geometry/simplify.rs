@@ -26,8 +26,8 @@ pub struct Simplified {
 
 /// A candidate: vertex `from` moves onto `to`. Ordered as the fields are.
 ///
-/// Cost and length are rounded, so that rounding errors do not choose between collapses that a symmetric shape makes equal: the result is
-/// the same for the same shape at another scale.
+/// Cost and length are rounded, so that rounding errors do not choose between collapses that a
+/// symmetric shape makes equal: the result is the same for the same shape at another scale.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Collapse {
     cost: u64,
@@ -43,14 +43,17 @@ fn rounded(cost: f64) -> u64 {
     (cost * f64::from(1 << 30)).round() as u64
 }
 
-/// Collapses half-edges, least change of normals first, until `options.vertices` are left or no collapse is allowed any more.
+/// Collapses half-edges, least change of normals first, until `options.vertices` are left or no
+/// collapse is allowed any more.
 ///
-/// `triangles` should be the usable ones. The cost of a collapse is the largest change of a face normal it leads to, added to the changes
-/// these faces and the removed ones had before (as chord lengths of the unit normals), so that many small changes do not pass
-/// unseen. Along a boundary only boundary edges are collapsed, and the turning of the boundary counts like that of a normal. Vertices whose
-/// triangles form no single fan, or that have more than 64 neighbours, stay; collapses that would change the topology (link condition), turn a normal by 90 degrees
-/// or more, or make a triangle without area are not allowed. Ties are broken by edge length, then by index. O(F log F).
-/// Surfaces and components never vanish.
+/// `triangles` should be the usable ones. The cost of a collapse is the largest change of a face
+/// normal it leads to, added to the changes these faces and the removed ones had before (as chord
+/// lengths of the unit normals), so that many small changes do not pass unseen. Along a boundary
+/// only boundary edges are collapsed, and the turning of the boundary counts like that of a normal.
+/// Vertices whose triangles form no single fan, or that have more than 64 neighbours, stay;
+/// collapses that would change the topology (link condition), turn a normal by 90 degrees or more,
+/// or make a triangle without area are not allowed. Ties are broken by edge length, then by index.
+/// O(F log F). Surfaces and components never vanish.
 ///
 /// Source: the sampling of "Weighted Averages on Surfaces", section 3.5, there done by OpenMesh.
 ///
@@ -96,8 +99,8 @@ pub fn simplify(positions: &[DVec3], triangles: &[[u32; 3]], options: &SimplifyO
 }
 
 /// Vertices of more faces than this stay, and nothing is moved onto them: each collapse looks at
-/// all faces of both ends, and at what may come next around
-/// the one that stays. Their neighbours collapse into one another until they have fewer.
+/// all faces of both ends, and at what may come next around the one that stays. Their neighbours
+/// collapse into one another until they have fewer.
 const MANY: usize = 64;
 
 /// The mesh while it is being simplified.
@@ -159,7 +162,8 @@ impl<'a> Collapser<'a> {
         out.dedup();
     }
 
-    /// The two boundary neighbours of `v` if it is on the boundary; `Err` if its triangles form no single fan.
+    /// The two boundary neighbours of `v` if it is on the boundary; `Err` if its triangles form no
+    /// single fan.
     fn boundary(&self, v: u32) -> Result<Option<[u32; 2]>, ()> {
         let faces = &self.around[v as usize];
         let mut once = [0u32; 2];
@@ -190,8 +194,8 @@ impl<'a> Collapser<'a> {
             }
             count += 1;
         }
-        // A closed fan has as many neighbours as faces and an open one has one more. Two closed fans would pass this count: the link
-        // condition and the walk below reject them.
+        // A closed fan has as many neighbours as faces and an open one has one more. Two closed
+        // fans would pass this count: the link condition and the walk below reject them.
         match found {
             0 if count == faces.len() && self.connected(v) => Ok(None),
             2 if count == faces.len() + 1 && self.connected(v) => Ok(Some(once)),
@@ -248,7 +252,8 @@ impl<'a> Collapser<'a> {
         self.cost_given(from, to, boundary, &ring, u64::MAX)
     }
 
-    /// Cost of moving `from` onto `to`, or `None` if that is not allowed or costs more than `limit`.
+    /// Cost of moving `from` onto `to`, or `None` if that is not allowed or costs more than
+    /// `limit`.
     fn cost_given(&self, from: u32, to: u32, boundary: Option<[u32; 2]>, ring: &[u32], limit: u64) -> Option<u64> {
         if boundary.is_some_and(|b| !b.contains(&to)) {
             return None;
@@ -271,7 +276,8 @@ impl<'a> Collapser<'a> {
         {
             return None;
         }
-        // A fold onto an existing face (the last step of a tetrahedron) needs two common neighbours in the only face that is kept.
+        // A fold onto an existing face (the last step of a tetrahedron) needs two common neighbours
+        // in the only face that is kept.
         let only = faces.len() - at_edge == 1 && common == 2;
         let removed = |f: &&u32| self.triangles[**f as usize].contains(&to);
         let before = faces.iter().filter(removed).map(|&f| self.turned[f as usize]).fold(0.0, f64::max);

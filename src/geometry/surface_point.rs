@@ -6,9 +6,10 @@ use super::Mesh;
 
 /// A point of a mesh: a triangle and barycentric coordinates in it.
 ///
-/// `face` is the 0-based triangle after fan triangulation, in file order; `barycentric[k]` belongs to the triangle's corner
-/// `k`. The coordinates are nonnegative and sum to one up to rounding. A vertex or a point of an edge is the same point in each triangle
-/// around it; [`SurfacePoint::dominant_corner`] helps to name the vertex.
+/// `face` is the 0-based triangle after fan triangulation, in file order; `barycentric[k]` belongs
+/// to the triangle's corner `k`. The coordinates are nonnegative and sum to one up to rounding. A
+/// vertex or a point of an edge is the same point in each triangle around it;
+/// [`SurfacePoint::dominant_corner`] helps to name the vertex.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfacePoint {
     /// The triangle.
@@ -44,7 +45,8 @@ impl SurfacePoint {
         a * self.barycentric[0] + b * self.barycentric[1] + c * self.barycentric[2]
     }
 
-    /// Whether the triangle exists and the coordinates are finite, sum to one and are not below `-slack`.
+    /// Whether the triangle exists and the coordinates are finite, sum to one and are not below
+    /// `-slack`.
     pub fn is_valid(&self, mesh: &Mesh, slack: f64) -> bool {
         let b = &self.barycentric;
         (self.face as usize) < mesh.triangle_count()

@@ -1,8 +1,9 @@
 //! Tangent frames of a textured mesh: the axes that tangent-space normal maps refer to.
 //!
-//! The frames are those of MikkTSpace (Mikkelsen 2008, "Simulation of wrinkled surfaces revisited"), which renderers and baking programs
-//! share: a normal and a tangent at every corner, interpolated over the triangle without normalising them, the bitangent
-//! being their cross product times the handedness of the triangle in the texture.
+//! The frames are those of MikkTSpace (Mikkelsen 2008, "Simulation of wrinkled surfaces
+//! revisited"), which renderers and baking programs share: a normal and a tangent at every corner,
+//! interpolated over the triangle without normalising them, the bitangent being their cross product
+//! times the handedness of the triangle in the texture.
 
 use std::collections::HashMap;
 
@@ -11,7 +12,8 @@ use glam::{DVec3, Vec3};
 
 use super::{Frame, Mesh, NONE};
 
-/// Triangles around one point beyond which its frames are made triangle by triangle: the generator's recursion is as deep.
+/// Triangles around one point beyond which its frames are made triangle by triangle: the
+/// generator's recursion is as deep.
 const MOST_AROUND: u32 = 2000;
 
 /// Normal, tangent and handedness at a corner.
@@ -23,7 +25,8 @@ struct CornerFrame {
     sign: f32,
 }
 
-/// Axes at a point of a surface, as a renderer uses them: neither of unit length nor exactly at right angles.
+/// Axes at a point of a surface, as a renderer uses them: neither of unit length nor exactly at
+/// right angles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TangentFrame {
     /// Along growing u.
@@ -40,8 +43,8 @@ impl TangentFrame {
         self.tangent * n.x + self.bitangent * n.y + self.normal * n.z
     }
 
-    /// The coordinates of the vector `v`, up to a positive factor: the inverse of [`TangentFrame::to_space`] by its adjugate; `None` if the
-    /// axes do not span space.
+    /// The coordinates of the vector `v`, up to a positive factor: the inverse of
+    /// [`TangentFrame::to_space`] by its adjugate; `None` if the axes do not span space.
     pub fn to_frame(&self, v: DVec3) -> Option<DVec3> {
         let rows =
             [self.bitangent.cross(self.normal), self.normal.cross(self.tangent), self.tangent.cross(self.bitangent)];
@@ -61,8 +64,9 @@ impl TangentFrames {
     /// Bytes per triangle.
     pub const TRIANGLE_BYTES: usize = size_of::<[CornerFrame; 3]>();
 
-    /// The frames of `mesh`, with the normals of its file where a triangle has them, else with `smooth`, one unit normal per vertex (zero
-    /// for none). Texture coordinates are as in [`Mesh`], v up. Polygons count as the triangles of their fans. Triangles without texture
+    /// The frames of `mesh`, with the normals of its file where a triangle has them, else with
+    /// `smooth`, one unit normal per vertex (zero for none). Texture coordinates are as in
+    /// [`Mesh`], v up. Polygons count as the triangles of their fans. Triangles without texture
     /// coordinates or without area there get some tangent. O(triangles log triangles).
     ///
     /// # Panics
@@ -144,7 +148,8 @@ impl TangentFrames {
     }
 }
 
-/// Normals of a triangle's corners: the file's if all are usable, else the smooth ones, else the triangle's own.
+/// Normals of a triangle's corners: the file's if all are usable, else the smooth ones, else the
+/// triangle's own.
 fn corner_normals(mesh: &Mesh, t: usize, smooth: &[DVec3]) -> [DVec3; 3] {
     let corners = mesh.triangle_corners(t);
     let unit = |n: DVec3| n.try_normalize().filter(|n| n.is_finite());
@@ -217,7 +222,8 @@ mod tests {
     use crate::models::shapes::uv_sphere;
     use glam::DVec2;
 
-    /// Two triangles of a unit square in the plane z = 0, seen from above; texture coordinates by `uv`.
+    /// Two triangles of a unit square in the plane z = 0, seen from above; texture coordinates by
+    /// `uv`.
     fn square(uv: impl Fn(DVec2) -> DVec2) -> Mesh {
         let mut b = MeshBuilder::new("square");
         for p in [DVec2::ZERO, DVec2::X, DVec2::ONE, DVec2::Y] {

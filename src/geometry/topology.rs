@@ -4,8 +4,9 @@ use super::{Mesh, NONE, SurfacePoint};
 
 /// Adjacency of the usable triangles of a mesh.
 ///
-/// A triangle is *usable* if its vertices differ and its area is positive. Across an edge shared by exactly two usable triangles these are
-/// neighbours, also when they are oriented against each other; an edge with one or more than two usable triangles is treated as boundary, so that
+/// A triangle is *usable* if its vertices differ and its area is positive. Across an edge shared by
+/// exactly two usable triangles these are neighbours, also when they are oriented against each
+/// other; an edge with one or more than two usable triangles is treated as boundary, so that
 /// non-manifold spots become cuts.
 #[derive(Clone, Debug)]
 pub struct Topology {
@@ -15,7 +16,8 @@ pub struct Topology {
     pub usable: Vec<bool>,
     /// `neighbours[t][k]` lies across the edge opposite to corner `k`, or [`NONE`].
     pub neighbours: Vec<[u32; 3]>,
-    /// Connected component (over shared vertices) of each vertex, or [`NONE`] for vertices of no usable triangle. Numbered by lowest vertex.
+    /// Connected component (over shared vertices) of each vertex, or [`NONE`] for vertices of no
+    /// usable triangle. Numbered by lowest vertex.
     pub vertex_component: Vec<u32>,
     /// Number of components.
     pub component_count: u32,
@@ -32,7 +34,8 @@ pub struct Topology {
 /// The triangles and vertices around a vertex.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OneRing {
-    /// Neighbouring vertices; in order around the vertex where `fan` is set, else ascending. The first is not repeated.
+    /// Neighbouring vertices; in order around the vertex where `fan` is set, else ascending. The
+    /// first is not repeated.
     pub vertices: Vec<u32>,
     /// The triangles form one fan (closed or open).
     pub fan: bool,
@@ -54,7 +57,8 @@ impl Topology {
         Self::from_triangles(mesh.vertex_count(), triangles, usable)
     }
 
-    /// Adjacency of triangles over `vertex_count` vertices, with the unusable ones marked by the caller.
+    /// Adjacency of triangles over `vertex_count` vertices, with the unusable ones marked by the
+    /// caller.
     pub fn from_triangles(vertex_count: usize, triangles: Vec<[u32; 3]>, usable: Vec<bool>) -> Self {
         let mut edges: Vec<(u32, u32, u32, u32)> = Vec::with_capacity(3 * triangles.len());
         for (t, tri) in triangles.iter().enumerate().filter(|(t, _)| usable[*t]) {
@@ -171,8 +175,9 @@ impl Topology {
 
     /// The neighbours of vertex `v`, in order around it where its triangles form one fan.
     ///
-    /// A closed fan starts at the vertex after `v` in its lowest triangle and runs with that triangle's orientation; an open one starts at the
-    /// boundary so that it runs with the orientation of its first triangle.
+    /// A closed fan starts at the vertex after `v` in its lowest triangle and runs with that
+    /// triangle's orientation; an open one starts at the boundary so that it runs with the
+    /// orientation of its first triangle.
     pub fn one_ring(&self, v: u32) -> OneRing {
         let around = self.vertex_triangles(v);
         let Some(&first) = around.first() else {

@@ -1,14 +1,11 @@
 //! Polygons of a mesh as triangles that lie inside them.
 //!
 //! A polygon of n corners has n - 2 triangles. It keeps the fan from its first corner where all
-//! triangles of the fan
-//! have positive area on the polygon's best plane, which is so for every convex one. Else two
-//! triangles of the other
-//! diagonal are taken for four corners, and the constrained Delaunay triangulation on that plane
-//! for more. Corners may
-//! lie on an edge, and a hole may be joined to the outline by an edge there and back. What is no
-//! outline of a region
-//! (it crosses itself, has no area, is not finite) has no inside and keeps the fan.
+//! triangles of the fan have positive area on the polygon's best plane, which is so for every
+//! convex one. Else two triangles of the other diagonal are taken for four corners, and the
+//! constrained Delaunay triangulation on that plane for more. Corners may lie on an edge, and a
+//! hole may be joined to the outline by an edge there and back. What is no outline of a region (it
+//! crosses itself, has no area, is not finite) has no inside and keeps the fan.
 //!
 //! Triangles name corners in ascending order, which is the orientation of the polygon, and are
 //! sorted by them.
@@ -26,8 +23,7 @@ const LEAST_TURN: f64 = 1e-9;
 const ZERO: f64 = 1e-30;
 
 /// The triangles of a polygon as numbers of its corners, at least three. O(n), for a polygon
-/// without a valid fan
-/// O(n log n).
+/// without a valid fan O(n log n).
 pub(crate) fn triangulate(corners: &[DVec3]) -> Vec<[u32; 3]> {
     let n = corners.len() as u32;
     let fan = || (2..n).map(|k| [0, k - 1, k]).collect();
@@ -187,8 +183,7 @@ mod tests {
     }
 
     /// The triangles have the sides of the polygon once, all others twice in opposite directions,
-    /// and cover its area
-    /// without turning over: they are a triangulation of it.
+    /// and cover its area without turning over: they are a triangulation of it.
     fn assert_fills(points: &[DVec3], triangles: &[[u32; 3]]) {
         let n = points.len() as u32;
         assert_eq!(triangles.len() + 2, points.len());

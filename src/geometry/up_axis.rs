@@ -46,9 +46,8 @@ impl UpAxis {
 }
 
 /// Whether a mesh is a body that stands along z: high, not deep along y, with two soles side by
-/// side at the lower end and one head above the middle
-/// between them. Modest: what is not plainly so is not, so that nothing else is taken for one.
-/// O(vertices).
+/// side at the lower end and one head above the middle between them. Modest: what is not plainly so
+/// is not, so that nothing else is taken for one. O(vertices).
 pub fn stands_along_z(mesh: &Mesh) -> bool {
     let mut used = vec![false; mesh.vertex_count()];
     for t in 0..mesh.triangle_count() {

@@ -1,8 +1,9 @@
 //! Anchors: pairs of points that correspond, or points of one mesh.
 //!
-//! Forms of pairs: JSON `{"source": [...], "target": [...]}`; text lines `iS iT`; or two files `S.vts,T.vts` paired by line, whose first column is
-//! the vertex. Forms for one mesh: JSON `{"anchors": [...]}`; text with a vertex index first on every line. An entry of a JSON list is a vertex index,
-//! `{"face": f, "barycentric": [b0, b1, b2]}` or `{"position": [x, y, z]}`.
+//! Forms of pairs: JSON `{"source": [...], "target": [...]}`; text lines `iS iT`; or two files
+//! `S.vts,T.vts` paired by line, whose first column is the vertex. Forms for one mesh: JSON
+//! `{"anchors": [...]}`; text with a vertex index first on every line. An entry of a JSON list is a
+//! vertex index, `{"face": f, "barycentric": [b0, b1, b2]}` or `{"position": [x, y, z]}`.
 
 use std::path::{Path, PathBuf};
 
@@ -71,7 +72,8 @@ pub struct PairRemark {
     pub flagged: Option<String>,
 }
 
-/// Writes pairs as JSON, whole or not at all: `"source"` and `"target"` as [`read_pairs`] takes them (vertices by index), and a list `"pairs"` with a remark on each.
+/// Writes pairs as JSON, whole or not at all: `"source"` and `"target"` as [`read_pairs`] takes
+/// them (vertices by index), and a list `"pairs"` with a remark on each.
 ///
 /// # Errors
 /// [`Error::Io`].
@@ -107,8 +109,9 @@ pub fn write_pairs(
 /// Reads pairs of anchors from a file, or from two files `S,T`.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] naming line or anchor: unequal counts, an entry of no known form, a number that is not finite, barycentric
-/// coordinates that are negative or do not sum to one within 1e-6.
+/// [`Error::Io`]; [`Error::Format`] naming line or anchor: unequal counts, an entry of no known
+/// form, a number that is not finite, barycentric coordinates that are negative or do not sum to
+/// one within 1e-6.
 pub fn read_pairs(path_or_pair: &str) -> Result<AnchorPairs> {
     let whole = Path::new(path_or_pair);
     let Some((source, target)) = path_or_pair.split_once(',').filter(|_| !whole.is_file()) else {
@@ -178,7 +181,8 @@ pub fn read_single(path: impl AsRef<Path>) -> Result<AnchorList> {
     Ok(AnchorList { path: path.to_path_buf(), anchors })
 }
 
-/// Reads points of one mesh that are no anchors, such as the control points of a curve: a JSON list of entries, `{"points": [...]}`, and all that [`read_single`] takes.
+/// Reads points of one mesh that are no anchors, such as the control points of a curve: a JSON list
+/// of entries, `{"points": [...]}`, and all that [`read_single`] takes.
 ///
 /// # Errors
 /// As [`read_single`].
@@ -281,7 +285,8 @@ pub(crate) fn normalised(barycentric: [f64; 3]) -> std::result::Result<[f64; 3],
 }
 
 impl AnchorList {
-    /// Finds the anchors on their mesh. `closest` gives the closest point of the usable surface and its distance.
+    /// Finds the anchors on their mesh. `closest` gives the closest point of the usable surface and
+    /// its distance.
     ///
     /// # Errors
     /// [`Error::Input`] naming the file and the anchor: an index out of range, a vertex that no

@@ -10,15 +10,16 @@ use super::source::Notes;
 use crate::geometry::{MeshBuilder, NONE};
 use crate::{Error, Result};
 
-/// Numbers texture coordinates so that corners of one vertex with equal values share an index, which keeps charts connected in files that store
-/// one per corner.
+/// Numbers texture coordinates so that corners of one vertex with equal values share an index,
+/// which keeps charts connected in files that store one per corner.
 #[derive(Debug, Default)]
 pub(crate) struct TexcoordPool {
     index: HashMap<(u32, u64, u64), u32>,
 }
 
 impl TexcoordPool {
-    /// The index of `uv` at `vertex`, appended to `texcoords` where it is new; [`NONE`] where it is not finite.
+    /// The index of `uv` at `vertex`, appended to `texcoords` where it is new; [`NONE`] where it is
+    /// not finite.
     pub(crate) fn add(&mut self, vertex: u32, uv: DVec2, texcoords: &mut Vec<DVec2>) -> u32 {
         if !uv.is_finite() {
             return NONE;
@@ -35,7 +36,8 @@ impl TexcoordPool {
 /// Checks what a reader has collected and builds the mesh.
 ///
 /// # Errors
-/// A vertex index out of range, a position that is not finite and used by a polygon, no triangle at all.
+/// A vertex index out of range, a position that is not finite and used by a polygon, no triangle at
+/// all.
 pub(crate) fn finish(builder: MeshBuilder, notes: Notes, path: &Path) -> Result<LoadedMesh> {
     finish_as(builder, notes, path, Faces::Needed)
 }

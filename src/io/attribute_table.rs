@@ -114,13 +114,12 @@ pub fn check_attribute_extension(path: impl AsRef<Path>) -> Result<()> {
 /// Reads data of vertices, a row for each.
 ///
 /// CSV: a [`Table`] of numbers, with or without a header line; a column named `index` or `vertex`
-/// gives the vertex of a row; `status` and
-/// `confidence` are passed over; columns without any number are texts. NPY: a matrix, or an array
-/// for one column. PLY: scalar properties of the vertices.
+/// gives the vertex of a row; `status` and `confidence` are passed over; columns without any number
+/// are texts. NPY: a matrix, or an array for one column. PLY: scalar properties of the vertices.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] naming the line: a cell that is no number, rows of different lengths, a vertex twice or left out, a
-/// column that is not there.
+/// [`Error::Io`]; [`Error::Format`] naming the line: a cell that is no number, rows of different
+/// lengths, a vertex twice or left out, a column that is not there.
 pub fn read_attributes(path: impl AsRef<Path>, columns: &Columns) -> Result<AttributeTable> {
     let path = path.as_ref();
     match Format::of(path)? {
@@ -308,16 +307,16 @@ pub struct RowStatus {
     pub confidence: f64,
 }
 
-/// Writes data of the vertices of `mesh` as the name's ending says. CSV has a first column `index` and last columns `status` and `confidence`,
-/// and empty cells for NaN; PLY files hold the mesh, the columns as `double` (colours as `uchar` if `style` says so), `status` and
-/// `confidence`; NPY the numbers alone.
+/// Writes data of the vertices of `mesh` as the name's ending says. CSV has a first column `index`
+/// and last columns `status` and `confidence`, and empty cells for NaN; PLY files hold the mesh,
+/// the columns as `double` (colours as `uchar` if `style` says so), `status` and `confidence`; NPY
+/// the numbers alone.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::NotFinite`] for a number that is not finite, other than NaN of a vertex
-/// whose status is `failed`; [`Error::Input`] if numbers
-/// of rows do not match, a column's name is taken by the mesh in a PLY file, or a number is none of
-/// the [whole numbers](Storage::integers) of an NPY
-/// file. Texts go into CSV alone.
+/// whose status is `failed`; [`Error::Input`] if numbers of rows do not match, a column's name is
+/// taken by the mesh in a PLY file, or a number is none of the [whole numbers](Storage::integers)
+/// of an NPY file. Texts go into CSV alone.
 pub fn write_attributes(
     path: impl AsRef<Path>,
     mesh: &Mesh,

@@ -1,7 +1,7 @@
 //! A folder of results that are costly to compute again.
 //!
-//! An entry is found by a key that names everything the result depends on; [`CacheKey`] hashes it. A missing, unreadable or damaged entry is
-//! no entry: the cache can never make a command fail.
+//! An entry is found by a key that names everything the result depends on; [`CacheKey`] hashes it.
+//! A missing, unreadable or damaged entry is no entry: the cache can never make a command fail.
 
 use std::path::{Path, PathBuf};
 
@@ -15,12 +15,14 @@ pub struct CacheKey {
 }
 
 impl CacheKey {
-    /// A key for the results of `algorithm`, which changes its name or version whenever the same input may give another result.
+    /// A key for the results of `algorithm`, which changes its name or version whenever the same
+    /// input may give another result.
     pub fn new(algorithm: &str, version: u32) -> Self {
         Self { hasher: blake3::Hasher::new() }.bytes(algorithm.as_bytes()).bytes(&version.to_le_bytes())
     }
 
-    /// Adds bytes; their length counts too, so that neighbouring values cannot run into one another.
+    /// Adds bytes; their length counts too, so that neighbouring values cannot run into one
+    /// another.
     #[must_use]
     pub fn bytes(mut self, bytes: &[u8]) -> Self {
         self.hasher.update(&(bytes.len() as u64).to_le_bytes());
@@ -56,7 +58,8 @@ const MAGIC: &[u8; 8] = b"barymap1";
 const CHECKSUM: usize = blake3::OUT_LEN;
 
 impl Cache {
-    /// The folder named by the environment variable `BARYMAP_CACHE`, else `barymap` in the user's cache folder, else no cache.
+    /// The folder named by the environment variable `BARYMAP_CACHE`, else `barymap` in the user's
+    /// cache folder, else no cache.
     pub fn from_environment() -> Self {
         let named = std::env::var_os("BARYMAP_CACHE").filter(|v| !v.is_empty()).map(PathBuf::from);
         Self { folder: named.or_else(|| dirs::cache_dir().map(|d| d.join("barymap"))) }
@@ -89,7 +92,8 @@ impl Cache {
     /// Stores an entry, replacing an older one.
     ///
     /// # Errors
-    /// [`crate::Error::Io`] if the folder cannot be made or written; callers tell it as a warning at most.
+    /// [`crate::Error::Io`] if the folder cannot be made or written; callers tell it as a warning
+    /// at most.
     pub fn put(&self, key: &str, content: &[u8]) -> Result<()> {
         use std::io::Write;
         let Some(path) = self.entry(key) else { return Ok(()) };

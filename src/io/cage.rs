@@ -9,13 +9,15 @@ use super::obj::shortened;
 use super::source;
 use crate::{Error, Result};
 
-/// More vertices than this in one cage are not read: every point of a picture is compared with every edge.
+/// More vertices than this in one cage are not read: every point of a picture is compared with
+/// every edge.
 pub const MOST_VERTICES: usize = 1 << 16;
 
 /// What the coordinates of a cage count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CageUnits {
-    /// Pixels: x to the right, y down, from the upper left corner of the picture; the centres of pixels lie at halves.
+    /// Pixels: x to the right, y down, from the upper left corner of the picture; the centres of
+    /// pixels lie at halves.
     Pixel,
     /// Heights of the picture: x to the right, y up, from its lower left corner.
     Unit,
@@ -31,7 +33,8 @@ impl CageUnits {
     }
 }
 
-/// The loops of a cage as the file has them: as many in the source as in the target, and as many vertices in each pair of loops.
+/// The loops of a cage as the file has them: as many in the source as in the target, and as many
+/// vertices in each pair of loops.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CageFile {
     /// Where the picture is.
@@ -42,12 +45,13 @@ pub struct CageFile {
     pub units: Option<CageUnits>,
 }
 
-/// Reads a cage: `{"source": LOOPS, "target": LOOPS, "units": "pixel" | "unit"}`, LOOPS being one loop `[[x, y], ...]` or a list
-/// of loops.
+/// Reads a cage: `{"source": LOOPS, "target": LOOPS, "units": "pixel" | "unit"}`, LOOPS being one
+/// loop `[[x, y], ...]` or a list of loops.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] naming the polygon, loop and vertex: no JSON, a missing polygon, loops or vertices that do not
-/// pair up, fewer than three vertices, numbers that are not finite, more than [`MOST_VERTICES`].
+/// [`Error::Io`]; [`Error::Format`] naming the polygon, loop and vertex: no JSON, a missing
+/// polygon, loops or vertices that do not pair up, fewer than three vertices, numbers that are not
+/// finite, more than [`MOST_VERTICES`].
 pub fn read_cage(path: impl AsRef<Path>) -> Result<CageFile> {
     let path = path.as_ref();
     parse_cage(&source::read_text(path)?, path)

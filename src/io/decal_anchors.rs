@@ -1,7 +1,8 @@
 //! Anchors of decals: points of a mesh with points of a picture.
 //!
-//! JSON `{"anchors": [...], "uv": [[u, v], ...]}`, the entries of `"anchors"` being those of [`super::anchors`]. Exactly four anchors may be without `"uv"`, and in any form [`read_single`] takes: they are the picture's corners,
-//! counter-clockwise from its lower left.
+//! JSON `{"anchors": [...], "uv": [[u, v], ...]}`, the entries of `"anchors"` being those of
+//! [`super::anchors`]. Exactly four anchors may be without `"uv"`, and in any form [`read_single`]
+//! takes: they are the picture's corners, counter-clockwise from its lower left.
 
 use std::path::Path;
 
@@ -15,7 +16,8 @@ use crate::{Error, Result};
 /// Reads the anchors of a decal: where on the mesh, and where in the picture's unit square.
 ///
 /// # Errors
-/// As [`read_single`]; [`Error::Format`] for `"uv"` of another form or length than `"anchors"`, or missing with other than four anchors.
+/// As [`read_single`]; [`Error::Format`] for `"uv"` of another form or length than `"anchors"`, or
+/// missing with other than four anchors.
 pub fn read_decal_anchors(path: impl AsRef<Path>) -> Result<(AnchorList, Vec<DVec2>)> {
     let path = path.as_ref();
     let list = read_single(path)?;

@@ -1,10 +1,9 @@
 //! What is not finite is not written.
 //!
 //! Every writer passes its numbers through here before anything of them reaches a file. A number
-//! that is NaN or infinite comes from a computation that overflowed or
-//! had no result; a reader of the file would take it for data. Where a format has a sign for "there
-//! is none" (an empty cell, a row of NaN), the writer says so and
-//! checks the rest.
+//! that is NaN or infinite comes from a computation that overflowed or had no result; a reader of
+//! the file would take it for data. Where a format has a sign for "there is none" (an empty cell, a
+//! row of NaN), the writer says so and checks the rest.
 
 use std::path::Path;
 

@@ -66,9 +66,9 @@ impl GeoJson {
         shapes
     }
 
-    /// Puts the images of the [shapes](GeoJson::shapes) in their places; a geometry without an image becomes null. Coordinates
-    /// beyond the second, heights for example, stay, and are interpolated at new vertices. Bounding boxes are removed: they no
-    /// longer hold.
+    /// Puts the images of the [shapes](GeoJson::shapes) in their places; a geometry without an
+    /// image becomes null. Coordinates beyond the second, heights for example, stay, and are
+    /// interpolated at new vertices. Bounding boxes are removed: they no longer hold.
     pub fn replace(&mut self, images: &[Option<MappedShape>]) {
         replace(&mut self.root, &mut images.iter());
     }
@@ -290,7 +290,8 @@ mod tests {
     use super::super::outline::Vertex;
     use super::*;
 
-    /// The image under a translation, with the middle of every segment as a new vertex if `refined`.
+    /// The image under a translation, with the middle of every segment as a new vertex if
+    /// `refined`.
     fn moved(shapes: &[Shape], by: DVec2, refined: bool) -> Vec<Option<MappedShape>> {
         let part = |part: &Part| {
             let mut vertices = vec![Vertex { point: part.start + by, from: (0, 0.0) }];

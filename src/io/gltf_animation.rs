@@ -16,14 +16,17 @@ use crate::{Error, Result};
 /// How frames become morph targets.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum MorphForm {
-    /// [`MorphForm::Frames`] up to 64 frames and 48 MiB, else [`MorphForm::Components`] with 2e-4 of the mesh's diagonal.
+    /// [`MorphForm::Frames`] up to 64 frames and 48 MiB, else [`MorphForm::Components`] with 2e-4
+    /// of the mesh's diagonal.
     #[default]
     Auto,
-    /// Every frame is a target; between two frames the vertices go straight from one to the other. The file grows by 24 bytes a vertex and frame (less
-    /// where few vertices move) and 4 bytes a pair of frames.
+    /// Every frame is a target; between two frames the vertices go straight from one to the other.
+    /// The file grows by 24 bytes a vertex and frame (less where few vertices move) and 4 bytes a
+    /// pair of frames.
     Frames,
-    /// Frames are weighted sums of few targets, as many as are needed to bring every vertex of every frame within `tolerance` (in the mesh's units) of
-    /// its place. The file grows by 24 bytes a vertex and target and 4 bytes a frame and target.
+    /// Frames are weighted sums of few targets, as many as are needed to bring every vertex of
+    /// every frame within `tolerance` (in the mesh's units) of its place. The file grows by 24
+    /// bytes a vertex and target and 4 bytes a frame and target.
     Components {
         /// Largest distance of a vertex from its place.
         tolerance: f64,
@@ -39,8 +42,8 @@ pub struct GlbAnimation<'a> {
     pub times: &'a [f32],
     /// For each frame a position for each vertex of the mesh, in the mesh's units and axes.
     pub frames: &'a [Vec<Vec3>],
-    /// Where each frame's shape is put as a whole, `x -> rotation x + shift`; empty to leave all frames where they are. What a rigid motion explains
-    /// need not be told by targets.
+    /// Where each frame's shape is put as a whole, `x -> rotation x + shift`; empty to leave all
+    /// frames where they are. What a rigid motion explains need not be told by targets.
     pub placements: &'a [(DQuat, DVec3)],
     /// How the frames are stored.
     pub form: MorphForm,
@@ -68,12 +71,15 @@ const TOLERANCE: f64 = 2e-4;
 /// Bytes of a vertex in a target: position and normal.
 const VERTEX: usize = 24;
 
-/// Writes `mesh` and its animation as a binary glTF 2.0 file, as [`super::write_glb`] does without one; the mesh itself is the shape at rest.
+/// Writes `mesh` and its animation as a binary glTF 2.0 file, as [`super::write_glb`] does without
+/// one; the mesh itself is the shape at rest.
 ///
-/// The file is made in memory: about twice its size, and for [`MorphForm::Components`] 48 bytes a vertex and target, are needed besides the frames.
+/// The file is made in memory: about twice its size, and for [`MorphForm::Components`] 48 bytes a
+/// vertex and target, are needed besides the frames.
 ///
 /// # Errors
-/// As [`super::write_glb`]; [`Error::Input`] for frames that do not fit the mesh, its times or one another, or are not finite.
+/// As [`super::write_glb`]; [`Error::Input`] for frames that do not fit the mesh, its times or one
+/// another, or are not finite.
 pub fn write_animated_glb(
     path: impl AsRef<Path>,
     mesh: &Mesh,
@@ -145,8 +151,7 @@ pub fn animated_glb_bytes(
 }
 
 /// The change of a corner's `normal` where the smooth one of its vertex changes from `rest` by
-/// `change`: both turn by
-/// the same least rotation.
+/// `change`: both turn by the same least rotation.
 fn turned(normal: Vec3, rest: Vec3, change: Vec3) -> Vec3 {
     let after = (rest + change).try_normalize();
     match after.filter(|_| normal.distance_squared(rest) > 1e-10) {

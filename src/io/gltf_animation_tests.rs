@@ -5,7 +5,8 @@ use crate::geometry::{Corner, MeshBuilder, NONE};
 use crate::io::image_file::encode_png;
 use crate::raster::{Depth, Image};
 
-/// A strip of textured triangles with a seam in the middle, two materials, and an unused vertex in front.
+/// A strip of textured triangles with a seam in the middle, two materials, and an unused vertex in
+/// front.
 fn strip(n: u32) -> Mesh {
     let mut builder = MeshBuilder::new("strip");
     builder.mesh.positions = vec![DVec3::ONE * 9.0];
@@ -46,7 +47,8 @@ fn rolled(mesh: &Mesh, f: usize) -> Vec<Vec3> {
     mesh.positions.iter().map(roll).collect()
 }
 
-/// Vertices of the first primitive at frame `f`, as a viewer computes them: rest plus weighted targets, then the node.
+/// Vertices of the first primitive at frame `f`, as a viewer computes them: rest plus weighted
+/// targets, then the node.
 fn played(bytes: &[u8], f: usize) -> Vec<Vec3> {
     let (document, buffers, _) = ::gltf::import_slice(bytes).unwrap();
     let primitive = document.meshes().next().unwrap().primitives().next().unwrap();
@@ -178,7 +180,8 @@ fn frames_that_do_not_fit_are_refused() {
 }
 
 /// The glTF validator of Khronos, where node and the npm package `gltf-validator` are installed:
-/// `BARYMAP_GLTF_VALIDATOR=$PWD/tests/gltf_validate.js RUSTFLAGS="--cfg barymap_gltf_validator" cargo test --release --lib validator`.
+/// `BARYMAP_GLTF_VALIDATOR=$PWD/tests/gltf_validate.js RUSTFLAGS="--cfg barymap_gltf_validator"
+/// cargo test --release --lib validator`.
 #[cfg(barymap_gltf_validator)]
 #[test]
 fn the_validator_accepts_what_is_written() {

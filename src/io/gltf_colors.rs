@@ -5,8 +5,8 @@ use crate::Result;
 use crate::raster::linear_to_srgb;
 
 /// Colours of the vertices of a primitive as viewers show them (sRGB, RGBA, 0..1); nothing where it
-/// has none. The file holds
-/// light (glTF 2.0, section 3.7.2.1), as RGB or RGBA, floats or parts of 255 or 65535.
+/// has none. The file holds light (glTF 2.0, section 3.7.2.1), as RGB or RGBA, floats or parts of
+/// 255 or 65535.
 ///
 /// # Errors
 /// Damaged data.

@@ -1,9 +1,11 @@
 //! Few shapes whose weighted sums are all frames of an animation, within a stated distance.
 //!
-//! The frames' displacements from the rest shape are taken as columns of a matrix, and a basis of its range is built by pivoting: the worst frame's
-//! remainder, made orthonormal, becomes the next direction (rank-revealing QR; as a compression of animations by a basis of shapes: Alexa, Müller,
-//! Representing Animations by Principal Components, 2000). Unlike principal components it needs no eigenvalue problem of the size of the clip, stops
-//! exactly when the largest distance of any vertex is small enough, and is the same for any number of threads.
+//! The frames' displacements from the rest shape are taken as columns of a matrix, and a basis of
+//! its range is built by pivoting: the worst frame's remainder, made orthonormal, becomes the next
+//! direction (rank-revealing QR; as a compression of animations by a basis of shapes: Alexa,
+//! Müller, Representing Animations by Principal Components, 2000). Unlike principal components it
+//! needs no eigenvalue problem of the size of the clip, stops exactly when the largest distance of
+//! any vertex is small enough, and is the same for any number of threads.
 
 use glam::{DVec3, Vec3};
 use nalgebra::{Cholesky, DMatrix, DVector};
@@ -23,7 +25,8 @@ pub(super) struct Components {
     pub(super) normals: Vec<Vec<Vec3>>,
     /// For each frame one weight a shape, within -1 and 1.
     pub(super) weights: Vec<Vec<f32>>,
-    /// Largest distance of a vertex of any frame from where the weighted sum puts it, with the rounding of what is written.
+    /// Largest distance of a vertex of any frame from where the weighted sum puts it, with the
+    /// rounding of what is written.
     pub(super) error: f64,
 }
 
@@ -36,7 +39,8 @@ fn dot(a: &[DVec3], b: &[DVec3]) -> f64 {
 }
 
 impl Components {
-    /// Frames of `mesh` by shapes, with no vertex farther than `tolerance` from its place (unless all directions are used up), at most `most` shapes.
+    /// Frames of `mesh` by shapes, with no vertex farther than `tolerance` from its place (unless
+    /// all directions are used up), at most `most` shapes.
     ///
     /// O(frames * shapes * vertices); memory of the shapes in double precision.
     pub(super) fn new(mesh: &Mesh, frames: &[Vec<Vec3>], tolerance: f64, most: usize) -> Self {
@@ -63,7 +67,8 @@ impl Components {
                 look_at *= 0.7;
             }
             let mut direction = displacement(rest, &frames[worst]);
-            // Twice is enough (Kahan, Parlett): the first pass leaves rounding of the size of the whole displacement.
+            // Twice is enough (Kahan, Parlett): the first pass leaves rounding of the size of the
+            // whole displacement.
             for _ in 0..2 {
                 for b in &basis {
                     let c = dot(b, &direction);
@@ -122,7 +127,8 @@ fn errors(rest: &[DVec3], frames: &[Vec<Vec3>], basis: &[Vec<DVec3>], coordinate
     frames.par_iter().zip(coordinates).map(worst).collect()
 }
 
-/// The changes of normals whose weighted sums are nearest to the frames' normals in the sense of least squares.
+/// The changes of normals whose weighted sums are nearest to the frames' normals in the sense of
+/// least squares.
 fn normals(mesh: &Mesh, frames: &[Vec<Vec3>], weights: &[Vec<f64>]) -> Vec<Vec<Vec3>> {
     let (n, k) = (mesh.vertex_count(), weights.first().map_or(0, Vec::len));
     if k == 0 {

@@ -1,7 +1,8 @@
-//! glTF 2.0 as data: the part of the JSON that describes surfaces, the buffers, and bounds-checked access to their numbers.
+//! glTF 2.0 as data: the part of the JSON that describes surfaces, the buffers, and bounds-checked
+//! access to their numbers.
 //!
-//! Every index and length of the JSON is checked where it is used, and nothing is allocated beyond what the buffers hold, so that damaged files
-//! end in an error with the place.
+//! Every index and length of the JSON is checked where it is used, and nothing is allocated beyond
+//! what the buffers hold, so that damaged files end in an error with the place.
 
 use std::collections::HashMap;
 use std::ops::Range;

@@ -1,11 +1,9 @@
 //! Changing a glTF document: what is not changed is written as it was.
 //!
 //! Nodes, meshes, primitives, materials and accessors keep their numbers, so that everything that
-//! refers to them, known
-//! here or not, stays right. What is replaced takes the place of what it replaces, unless something
-//! else uses that,
-//! too. The output is one binary chunk: the buffers' parts that are still used, in file order, then
-//! what is new.
+//! refers to them, known here or not, stays right. What is replaced takes the place of what it
+//! replaces, unless something else uses that, too. The output is one binary chunk: the buffers'
+//! parts that are still used, in file order, then what is new.
 
 use serde_json::{Map, Value, json};
 
@@ -189,8 +187,7 @@ impl<'a> Edit<'a> {
     }
 
     /// The view, offset and stride of an accessor of `width` bytes an element in single precision,
-    /// if nothing else has
-    /// a part in its bytes.
+    /// if nothing else has a part in its bytes.
     fn own_bytes(&self, k: usize, width: usize) -> Result<Option<(usize, usize, usize)>> {
         let Some(accessor) = self.document.root.accessors.get(k) else { return Ok(None) };
         let (Some(view), None, FLOAT, Some(1)) =

@@ -27,8 +27,7 @@ struct Group {
 }
 
 /// Dresses the triangles `t` of the mesh in `materials[of[t]]`; those whose entry is beyond the
-/// list keep what they
-/// have.
+/// list keep what they have.
 ///
 /// A material of the file keeps what is not replaced: textures in other roles, factors that go with
 /// them, extensions.

@@ -155,8 +155,7 @@ fn add_skin(edit: &mut Edit<'_>, node: usize, joints: &[usize], binds: &[f32]) -
 }
 
 /// What takes the stored positions of a part to those shown. Where that differs from vertex to
-/// vertex, the positions
-/// that are shown are stored.
+/// vertex, the positions that are shown are stored.
 fn stand(edit: &mut Edit<'_>, scene: &GltfScene, part: &Part, globals: &[DMat4]) -> Result<DMat4> {
     let document = &scene.document;
     let primitive = &document.root.meshes[part.mesh].primitives[part.primitive];

@@ -1,6 +1,6 @@
 //! New texture coordinates for the meshes of a scene. A vertex with several becomes several
-//! vertices, each with all that
-//! the one had: normals, tangents, colours, joints, weights and morph targets.
+//! vertices, each with all that the one had: normals, tangents, colours, joints, weights and morph
+//! targets.
 
 use std::collections::HashMap;
 

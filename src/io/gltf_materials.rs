@@ -14,7 +14,8 @@ use crate::Result;
 use crate::geometry::material::{AlphaMode, BASE_COLOR, Look, RoleTexture, TextureContent};
 use crate::geometry::material::{Material, Placement, Wrap};
 
-/// All materials, in file order. Textures of other sets of texture coordinates than the base colour's cannot be carried and are left out.
+/// All materials, in file order. Textures of other sets of texture coordinates than the base
+/// colour's cannot be carried and are left out.
 pub(super) fn read(document: &Document, notes: &mut Notes) -> Result<Vec<Material>> {
     let mut images = HashMap::new();
     let materials = document.root.materials.iter().enumerate();

@@ -13,8 +13,7 @@ pub(super) struct Placed {
 }
 
 /// The meshes of the default scene in the order of the file's list of meshes, each at the first
-/// node that shows it
-/// (depth first). A note names the other nodes.
+/// node that shows it (depth first). A note names the other nodes.
 pub(super) fn placed_meshes(document: &Document, notes: &mut Notes) -> Result<Vec<Placed>> {
     let root = &document.root;
     let mut users: Vec<Vec<usize>> = vec![Vec::new(); root.meshes.len()];

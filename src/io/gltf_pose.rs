@@ -2,13 +2,10 @@
 //! the node.
 //!
 //! A vertex with stored position p is shown at M (p + sum of w_k d_k): d_k is its displacement by
-//! morph target k, w_k
-//! the default weight, M the transform of the node or, with a skin, the sum of joint transforms x
-//! inverse bind
-//! matrices by the vertex's weights (glTF 2.0, sections 3.7.2.2 and 3.7.3). Weights are divided by
-//! their sum, as
-//! viewers do; a vertex whose weights are all zero follows its first joint. Animations are not
-//! applied.
+//! morph target k, w_k the default weight, M the transform of the node or, with a skin, the sum of
+//! joint transforms x inverse bind matrices by the vertex's weights (glTF 2.0, sections 3.7.2.2 and
+//! 3.7.3). Weights are divided by their sum, as viewers do; a vertex whose weights are all zero
+//! follows its first joint. Animations are not applied.
 
 use glam::{DMat3, DMat4, DVec3};
 
@@ -49,8 +46,7 @@ pub(super) struct Pose {
 
 impl Pose {
     /// The pose of `primitive`, whose mesh stands at `node`, with `count` vertices; `globals` are
-    /// the transforms of all
-    /// nodes.
+    /// the transforms of all nodes.
     pub(super) fn new(
         document: &Document,
         globals: &[DMat4],
@@ -124,8 +120,7 @@ pub(super) fn inverse(matrix: &DMat4) -> Option<DMat4> {
 }
 
 /// What turns normals: the cofactors, which are the inverse transposed up to scale and are there
-/// for singular matrices,
-/// too. Reflections keep normals outside.
+/// for singular matrices, too. Reflections keep normals outside.
 fn normal_matrix(matrix: &DMat4) -> DMat3 {
     let m = DMat3::from_mat4(*matrix);
     let cofactors = DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));

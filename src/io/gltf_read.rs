@@ -1,23 +1,18 @@
 //! glTF 2.0 and GLB, read as one mesh.
 //!
 //! The meshes of the default scene are taken in the order of the file's list of meshes, each once:
-//! at the first node that
-//! shows it (depth first); a note names the others. They stand in the pose that viewers show
-//! (`gltf_pose`).
+//! at the first node that shows it (depth first); a note names the others. They stand in the pose
+//! that viewers show (`gltf_pose`).
 //!
 //! **A vertex number is the one in the file**: numbers run through the elements of the position
-//! accessor of each
-//! primitive of triangles, primitive after primitive, used or not; an accessor that two primitives
-//! share counts for
-//! each of them. glTF repeats a vertex along the seams of texture coordinates and normals, which
-//! would cut the
-//! surface: vertices of a mesh are joined along open edges ([`crate::geometry::weld`]), unless a
-//! morph target or a joint
-//! parts them.
+//! accessor of each primitive of triangles, primitive after primitive, used or not; an accessor
+//! that two primitives share counts for each of them. glTF repeats a vertex along the seams of
+//! texture coordinates and normals, which would cut the surface: vertices of a mesh are joined
+//! along open edges ([`crate::geometry::weld`]), unless a morph target or a joint parts them.
 //!
 //! Normals are kept, one for each vertex. Texture coordinates are those that the material's base
-//! colour uses, or the
-//! set that [`ReadOptions`] name; turned to the OBJ convention (v = 1 is the top of the picture).
+//! colour uses, or the set that [`ReadOptions`] name; turned to the OBJ convention (v = 1 is the
+//! top of the picture).
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -38,7 +33,8 @@ use crate::geometry::{Corner, MeshBuilder, NONE, weld};
 /// Reads a `.gltf` or `.glb` file with its buffers. O(file size) time and memory.
 ///
 /// # Errors
-/// [`crate::Error::Io`], or [`crate::Error::Format`]: damaged data, a compressed mesh, an extension that is required and not known, no triangles.
+/// [`crate::Error::Io`], or [`crate::Error::Format`]: damaged data, a compressed mesh, an extension
+/// that is required and not known, no triangles.
 pub fn read_gltf(path: impl AsRef<Path>) -> Result<LoadedMesh> {
     read_gltf_with(path.as_ref(), &ReadOptions::default())
 }
@@ -300,7 +296,8 @@ impl Placement {
         Self { set: texture.map_or(0, TextureUse::set) }
     }
 
-    /// From glTF's v, which runs down from the top of the picture, to OBJ's, which runs up from the bottom.
+    /// From glTF's v, which runs down from the top of the picture, to OBJ's, which runs up from the
+    /// bottom.
     pub(super) fn apply(&self, uv: DVec2) -> DVec2 {
         DVec2::new(uv.x, 1.0 - uv.y)
     }

@@ -21,8 +21,7 @@ pub use super::gltf_edit_uv::KeepTextures;
 /// The scene of a glTF file, and which of its vertices and triangles those of the mesh are.
 ///
 /// The triangles of a part are those of its primitive in file order, its vertices the elements of
-/// the primitive's
-/// accessors.
+/// the primitive's accessors.
 #[derive(Debug)]
 pub struct GltfScene {
     pub(super) document: Document,
@@ -106,10 +105,8 @@ impl GltfScene {
 
 impl SceneEdit<'_> {
     /// Positions and normals are those of `mesh`, the one that was read from the file in another
-    /// shape. They go back to
-    /// the pose in which the file stores them; what did not move keeps its bytes. Joined vertices
-    /// need positions of
-    /// their own ([`Mesh::spread`]).
+    /// shape. They go back to the pose in which the file stores them; what did not move keeps its
+    /// bytes. Joined vertices need positions of their own ([`Mesh::spread`]).
     ///
     /// # Errors
     /// [`Error::Mesh`] for another mesh, or a position that does not fit single precision.
@@ -129,10 +126,8 @@ impl SceneEdit<'_> {
     }
 
     /// Materials are those of the file with the textures of `materials`, and the factors that go
-    /// with them; `of` names
-    /// the entry for each triangle of `mesh`, whose texture coordinates they use. Triangles whose
-    /// entry is beyond the
-    /// list keep what they have.
+    /// with them; `of` names the entry for each triangle of `mesh`, whose texture coordinates they
+    /// use. Triangles whose entry is beyond the list keep what they have.
     ///
     /// # Errors
     /// As [`SceneEdit::texcoords`].
@@ -149,13 +144,11 @@ impl SceneEdit<'_> {
     }
 
     /// Vertices follow joints: the shape stays as it is shown, and moves with the joints from
-    /// there. A skin that the file
-    /// has is replaced.
+    /// there. A skin that the file has is replaced.
     ///
     /// # Errors
     /// [`Error::Format`] for damage, or a joint that flattens space; [`Error::Input`] for other
-    /// numbers of vertices or
-    /// weights.
+    /// numbers of vertices or weights.
     pub fn skin(&mut self, skin: &SkinWeights<'_>) -> Result<()> {
         let vertices = self.scene.parts.last().map_or(0, |p| p.first_vertex + p.vertices);
         let rows = skin.weights.len() / skin.joints.len().max(1);

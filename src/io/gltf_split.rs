@@ -96,17 +96,14 @@ impl Split {
 }
 
 /// Distances from the origin, in sizes of the mesh, up to which positions are written as they are:
-/// four bits of single
-/// precision.
+/// four bits of single precision.
 const NEAR: f64 = 16.0;
 
 /// What is subtracted from positions before they become single precision: zero unless the mesh lies
-/// far from the
-/// origin.
+/// far from the origin.
 ///
 /// It is a multiple of a power of two above the mesh's size, so that the subtraction is exact, and
-/// the differences
-/// need the bits of the mesh's own size only.
+/// the differences need the bits of the mesh's own size only.
 pub(super) fn origin(mesh: &Mesh) -> DVec3 {
     let Some((low, high)) = mesh.bounds() else { return DVec3::ZERO };
     let (middle, size) = (low.midpoint(high), (high - low).max_element());

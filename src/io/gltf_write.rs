@@ -25,8 +25,8 @@ pub struct GlbMaterial {
     pub base_color: [f32; 4],
     /// Base colour texture as the bytes of a PNG or JPEG file.
     pub texture: Option<Arc<[u8]>>,
-    /// Textures in other roles: `metallic_roughness`, `normal`, `occlusion` or `emissive`, as the bytes of a PNG or JPEG file. Textures that
-    /// several materials share are written once.
+    /// Textures in other roles: `metallic_roughness`, `normal`, `occlusion` or `emissive`, as the
+    /// bytes of a PNG or JPEG file. Textures that several materials share are written once.
     pub textures: Vec<(String, Arc<[u8]>)>,
     /// Factors, and how opacity is used.
     pub look: Look,
@@ -35,22 +35,21 @@ pub struct GlbMaterial {
 /// Writes `mesh` as a binary glTF 2.0 file.
 ///
 /// Corners keep their normals, so that hard edges stay hard; those without one get the smooth
-/// normal of their vertex.
-/// `materials[k]` is used by the polygons with material `k`; polygons without one, or beyond the list, use the first. With one entry the whole mesh
-/// uses it. Vertices are repeated along texture seams and hard edges, as the format asks; unused
-/// ones and triangles that
-/// repeat a vertex are left out. Positions become single precision; a mesh far from the origin is
-/// written around it,
-/// and its node has the offset in double precision.
+/// normal of their vertex. `materials[k]` is used by the polygons with material `k`; polygons
+/// without one, or beyond the list, use the first. With one entry the whole mesh uses it. Vertices
+/// are repeated along texture seams and hard edges, as the format asks; unused ones and triangles
+/// that repeat a vertex are left out. Positions become single precision; a mesh far from the origin
+/// is written around it, and its node has the offset in double precision.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Mesh`] if there is no triangle, a position does not fit single precision, or the file would exceed the format's 4 GiB.
+/// [`Error::Io`]; [`Error::Mesh`] if there is no triangle, a position does not fit single
+/// precision, or the file would exceed the format's 4 GiB.
 pub fn write_glb(path: impl AsRef<Path>, mesh: &Mesh, materials: &[GlbMaterial]) -> Result<()> {
     output::write_bytes(path, &glb_bytes(mesh, materials)?)
 }
 
-/// [`glb_bytes`] where `material_of` names the entry of `materials` for each triangle, whatever the mesh's own are; triangles whose entry is beyond the
-/// list use the first.
+/// [`glb_bytes`] where `material_of` names the entry of `materials` for each triangle, whatever the
+/// mesh's own are; triangles whose entry is beyond the list use the first.
 ///
 /// # Errors
 /// As [`write_glb`].
@@ -59,7 +58,8 @@ pub fn glb_with_materials(mesh: &Mesh, materials: &[GlbMaterial], material_of: &
     glb_of(mesh, materials, of, |_, _| Ok(Vec::new()), |_, _| {})
 }
 
-/// The materials that `mesh` itself names, with the textures that the format has a place for: PNG and JPEG files as they are, others as PNG.
+/// The materials that `mesh` itself names, with the textures that the format has a place for: PNG
+/// and JPEG files as they are, others as PNG.
 ///
 /// # Errors
 /// As [`super::read_image`].
@@ -98,7 +98,8 @@ pub fn glb_bytes(mesh: &Mesh, materials: &[GlbMaterial]) -> Result<Vec<u8>> {
     glb_with(mesh, materials, |_, _| Ok(Vec::new()), |_, _| {})
 }
 
-/// [`glb_bytes`] with the morph targets that `targets` adds to each primitive, and what `finish` adds to the document.
+/// [`glb_bytes`] with the morph targets that `targets` adds to each primitive, and what `finish`
+/// adds to the document.
 pub(super) fn glb_with(
     mesh: &Mesh,
     materials: &[GlbMaterial],
@@ -109,8 +110,7 @@ pub(super) fn glb_with(
 }
 
 /// The scene that [`write_glb`] makes of a mesh, to be changed before it is written, and for each
-/// of its vertices the one
-/// of `mesh`.
+/// of its vertices the one of `mesh`.
 ///
 /// # Errors
 /// As [`write_glb`].
@@ -180,7 +180,8 @@ fn glb_of(
     if !pictures.images.is_empty() {
         root["textures"] = (0..pictures.images.len()).map(|k| json!({"source": k, "sampler": 0})).collect();
         root["images"] = pictures.images.into();
-        // Repeating, with mip-maps: texture coordinates outside the unit square repeat as everywhere in this crate.
+        // Repeating, with mip-maps: texture coordinates outside the unit square repeat as
+        // everywhere in this crate.
         root["samplers"] = json!([repeating()]);
     }
     finish(&mut root, &mut out);
@@ -269,7 +270,8 @@ mod tests {
     use crate::io::image_file::{decode_image, encode_png};
     use crate::raster::{Depth, Image};
 
-    /// Two textured triangles with a seam between them, one of the second material, and one that repeats a vertex.
+    /// Two textured triangles with a seam between them, one of the second material, and one that
+    /// repeats a vertex.
     fn seamed() -> Mesh {
         let mut builder = MeshBuilder::new("seamed");
         let mesh = &mut builder.mesh;

@@ -1,6 +1,7 @@
 //! Handles: vertices and where they go; and lists of vertices.
 //!
-//! Handles are JSON `{"handles": [{"vertex": i, "position": [x, y, z]}, ...]}`. A region is text, one vertex index a line; `#` begins a comment.
+//! Handles are JSON `{"handles": [{"vertex": i, "position": [x, y, z]}, ...]}`. A region is text,
+//! one vertex index a line; `#` begins a comment.
 
 use std::path::Path;
 
@@ -15,8 +16,9 @@ use crate::{Error, Result};
 /// Reads handles as pairs of a 0-based vertex and its new position.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] naming the handle: not JSON, no list `handles`, a vertex that is no index, a position that is not three
-/// finite numbers. Indices are not checked against a mesh here.
+/// [`Error::Io`]; [`Error::Format`] naming the handle: not JSON, no list `handles`, a vertex that
+/// is no index, a position that is not three finite numbers. Indices are not checked against a mesh
+/// here.
 pub fn read_handles(path: impl AsRef<Path>) -> Result<Vec<(u32, DVec3)>> {
     let path = path.as_ref();
     let text = source::read_text(path)?;

@@ -1,11 +1,11 @@
 //! Pictures: PNG, JPEG, TIFF, OpenEXR, WebP, TGA, BMP, GIF and QOI; HDR and PNM are read.
 //!
-//! A picture stays in memory as the file stores it: its channels, and 8-bit, 16-bit or float samples. Values are the stored ones; no colour
-//! space is applied. Row 0 is the top.
+//! A picture stays in memory as the file stores it: its channels, and 8-bit, 16-bit or float
+//! samples. Values are the stored ones; no colour space is applied. Row 0 is the top.
 //!
 //! Photos are turned as their orientation says, so that places in them are those that a viewer
-//! shows. What else a file
-//! tells of its picture is [`Metadata`], which is written with what becomes of it.
+//! shows. What else a file tells of its picture is [`Metadata`], which is written with what becomes
+//! of it.
 
 mod cmyk;
 mod convert;
@@ -35,7 +35,8 @@ use crate::{Error, Result};
 
 pub use self::metadata::{Density, DensityUnit, Metadata, Part};
 
-/// More samples than this in one picture are not read: 32768 x 32768 pixels of 8-bit RGBA, or 16384 x 16384 of float RGBA.
+/// More samples than this in one picture are not read: 32768 x 32768 pixels of 8-bit RGBA, or 16384
+/// x 16384 of float RGBA.
 const LARGEST: u64 = 4 << 30;
 
 /// A picture with what its file tells of it.
@@ -65,7 +66,8 @@ struct Decoded {
 /// `render.exr:ViewLayer.Combined`.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] if the file is damaged, of another kind, empty, or declares a size that its bytes cannot hold.
+/// [`Error::Io`]; [`Error::Format`] if the file is damaged, of another kind, empty, or declares a
+/// size that its bytes cannot hold.
 pub fn read_picture(path: impl AsRef<Path>) -> Result<Picture> {
     let mut decoded = read(path.as_ref())?;
     let orientation = Orientation::of_tag(decoded.orientation);
@@ -76,8 +78,8 @@ pub fn read_picture(path: impl AsRef<Path>) -> Result<Picture> {
 }
 
 /// [`read_picture`] for the texture of a mesh: as it is stored, whatever orientation the file
-/// tells, because texture coordinates are those
-/// of the stored pixels to most renderers. A note says so where it makes a difference.
+/// tells, because texture coordinates are those of the stored pixels to most renderers. A note says
+/// so where it makes a difference.
 ///
 /// # Errors
 /// As [`read_picture`].
@@ -155,9 +157,9 @@ fn too_large(width: u64, height: u64, bytes: usize) -> String {
 /// Writes a picture in the format of the file's extension (`png`, `jpg`, `tif`, `exr`, `webp`,
 /// `tga`, `bmp`, `qoi`), whole or not at all.
 ///
-/// Channels and depth are kept where the format has them. Otherwise: float becomes 16-bit in PNG; everything becomes 8-bit without alpha in
-/// JPEG (quality 95), 8-bit in WebP (lossless), TGA, BMP and QOI; OpenEXR is float.
-/// [`write_picture`] says what that changes.
+/// Channels and depth are kept where the format has them. Otherwise: float becomes 16-bit in PNG;
+/// everything becomes 8-bit without alpha in JPEG (quality 95), 8-bit in WebP (lossless), TGA, BMP
+/// and QOI; OpenEXR is float. [`write_picture`] says what that changes.
 ///
 /// # Errors
 /// [`Error::Option`] on another extension; [`Error::Io`].

@@ -1,10 +1,9 @@
 //! Finding the files that a file refers to.
 //!
 //! References come from other machines: with other separators, letter cases, folders and encodings,
-//! as absolute paths
-//! or URLs. A reference is looked up as it is written first. Where nothing is there, the end of its
-//! path is looked
-//! for beside the referring file, and the caller tells where it was found.
+//! as absolute paths or URLs. A reference is looked up as it is written first. Where nothing is
+//! there, the end of its path is looked for beside the referring file, and the caller tells where
+//! it was found.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};

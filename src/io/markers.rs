@@ -1,7 +1,8 @@
 //! Which marker or joint moves which vertices: JSON from names to places on a mesh.
 //!
-//! `{"LKNE": 4711, "HEAD": [0.0, 1.7, 0.1], "LeftArm": {"vertices": [17, 29, 80]}}`; a place is a vertex index, a position (the nearest vertex is
-//! taken), `{"vertex": i}`, `{"vertices": [i, ...]}` or `{"position": [x, y, z]}`. All may stand in an object `"markers"`.
+//! `{"LKNE": 4711, "HEAD": [0.0, 1.7, 0.1], "LeftArm": {"vertices": [17, 29, 80]}}`; a place is a
+//! vertex index, a position (the nearest vertex is taken), `{"vertex": i}`, `{"vertices": [i,
+//! ...]}` or `{"position": [x, y, z]}`. All may stand in an object `"markers"`.
 
 use std::path::Path;
 

@@ -15,16 +15,18 @@ const ROUNDING: f64 = 1e-6;
 const REMEDY: &str =
     "Give numbers from 0 to 1: one a vertex for two meshes, and for more the shares of all but the first";
 
-/// Reads shares of `meshes` meshes (two or more) at `vertex_count` vertices: one entry a mesh, vertex by vertex, summing to one.
+/// Reads shares of `meshes` meshes (two or more) at `vertex_count` vertices: one entry a mesh,
+/// vertex by vertex, summing to one.
 ///
 /// A text file has a line for every vertex with the shares of the second mesh and, if there are
-/// more, of the following ones (from 0 to 1, a
-/// [`Table`] without header; `#` begins a comment). A PLY file has a vertex property `mask`,
-/// `weight`, `quality`, `scalar` or `value` with the share of the second mesh, or
-/// vertex colours: for two meshes white is the second one, for three and four red, green and blue are the second, third and fourth.
+/// more, of the following ones (from 0 to 1, a [`Table`] without header; `#` begins a comment). A
+/// PLY file has a vertex property `mask`, `weight`, `quality`, `scalar` or `value` with the share
+/// of the second mesh, or vertex colours: for two meshes white is the second one, for three and
+/// four red, green and blue are the second, third and fourth.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] naming the line or vertex: other numbers of vertices or shares, shares out of range.
+/// [`Error::Io`]; [`Error::Format`] naming the line or vertex: other numbers of vertices or shares,
+/// shares out of range.
 pub fn read_mask(path: impl AsRef<Path>, vertex_count: usize, meshes: usize) -> Result<Vec<f64>> {
     let path = path.as_ref();
     let others = meshes.max(2) - 1;

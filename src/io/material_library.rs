@@ -22,8 +22,7 @@ pub(crate) struct LibraryMaterial {
 }
 
 /// Reads names, colours, opacity and textures of the materials of an MTL file, in file order. Other
-/// statements are kept
-/// as they are.
+/// statements are kept as they are.
 pub(crate) fn read(path: &Path, notes: &mut Notes) -> Result<Vec<LibraryMaterial>> {
     let bytes = source::read_all(path)?;
     source::refuse_utf16(path, &bytes)?;
@@ -137,7 +136,8 @@ fn texture(entry: &mut LibraryMaterial, path: &Path, role: &str, line: &[u8], re
     material.textures.push(RoleTexture { placement, strength, ..RoleTexture::new(role, content) });
 }
 
-/// Keywords of textures and their roles: the format's, and those of its extension for physically based materials. The first of a role is written.
+/// Keywords of textures and their roles: the format's, and those of its extension for physically
+/// based materials. The first of a role is written.
 const KEYWORDS: [(&str, &str); 11] = [
     ("map_Kd", BASE_COLOR),
     ("map_Pr", "roughness"),

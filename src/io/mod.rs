@@ -1,8 +1,9 @@
 //! Files: meshes, images, anchors, points, cages, outlines, arrays, reports and the cache.
 //!
-//! Readers take what real files hold: they tell what they passed over in warnings, and what cannot be used in errors that name the file, the
-//! line and the remedy. No header makes them allocate more than the file can fill. Writers go through [`output`], so that a file appears whole
-//! or not at all.
+//! Readers take what real files hold: they tell what they passed over in warnings, and what cannot
+//! be used in errors that name the file, the line and the remedy. No header makes them allocate
+//! more than the file can fill. Writers go through [`output`], so that a file appears whole or not
+//! at all.
 
 pub mod anchors;
 mod assemble;
@@ -138,8 +139,8 @@ pub fn read_mesh(path: impl AsRef<Path>) -> Result<LoadedMesh> {
 /// Reads a mesh from an OBJ, PLY, OFF, glTF or GLB file.
 ///
 /// The content decides where it is unmistakable, else the extension. See [`obj`], [`ply`], [`off`]
-/// and [`gltf_read`] for what is kept. Vertices
-/// that the file repeats are joined ([`weld`]); the readers of the single formats leave them apart.
+/// and [`gltf_read`] for what is kept. Vertices that the file repeats are joined ([`weld`]); the
+/// readers of the single formats leave them apart.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Format`] with the line or element and the remedy; [`Error::Option`] for
@@ -177,8 +178,7 @@ pub fn read_mesh_with(path: impl AsRef<Path>, options: &ReadOptions) -> Result<L
 }
 
 /// Reads the points and colours of an OBJ or PLY file as a mesh that may have no triangles. Points
-/// that no face uses are not
-/// joined, and the content decides on the format as for [`read_mesh`].
+/// that no face uses are not joined, and the content decides on the format as for [`read_mesh`].
 ///
 /// # Errors
 /// As [`read_mesh`].
@@ -197,8 +197,7 @@ pub fn read_points(path: impl AsRef<Path>) -> Result<LoadedMesh> {
 }
 
 /// Fails for coordinates whose products overflow, and for a mesh whose products vanish. Coordinates
-/// that are not finite are what they are: such vertices are passed
-/// over and told of.
+/// that are not finite are what they are: such vertices are passed over and told of.
 fn check_range(path: &Path, mesh: &Mesh) -> Result<()> {
     let beyond = |p: &DVec3| p.is_finite() && p.abs().max_element() > *RANGE.end();
     if let Some(v) = mesh.positions.iter().position(beyond) {

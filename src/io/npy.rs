@@ -123,13 +123,12 @@ fn write_as<T: npyz::AutoSerialize>(
 }
 
 /// Reads a matrix of floating point numbers of 16, 32 or 64 bits, whole numbers of any width or
-/// truth values, in either byte order and in C or Fortran
-/// order. A one-dimensional array is one column.
+/// truth values, in either byte order and in C or Fortran order. A one-dimensional array is one
+/// column.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Format`] on another kind of array, one that is not as long as its header
-/// says, or whole numbers that double precision
-/// does not hold.
+/// says, or whole numbers that double precision does not hold.
 pub fn read_npy(path: impl AsRef<Path>) -> Result<NpyMatrix> {
     let path = path.as_ref();
     let bytes = source::read_all(path)?;

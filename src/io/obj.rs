@@ -1,8 +1,8 @@
 //! Wavefront OBJ, read line by line.
 //!
 //! Kept: `v` with colours, `vt`, `vn`, `f` with negative indices, `g`, `o`, `s`, `usemtl`,
-//! `mtllib`. Lines, points and
-//! free-form geometry are passed over. Numbers follow the file: a vertex index is the position of its `v` line.
+//! `mtllib`. Lines, points and free-form geometry are passed over. Numbers follow the file: a
+//! vertex index is the position of its `v` line.
 
 mod names;
 
@@ -25,8 +25,8 @@ use names::Names;
 /// Reads an OBJ file and the material libraries it names. O(file size) time and memory.
 ///
 /// # Errors
-/// [`Error::Io`], or [`Error::Format`] naming the line: a number that is none, a face index that is 0 or out of range, a position that is not
-/// finite and used by a face, no face at all.
+/// [`Error::Io`], or [`Error::Format`] naming the line: a number that is none, a face index that is
+/// 0 or out of range, a position that is not finite and used by a face, no face at all.
 pub fn read_obj(path: impl AsRef<Path>) -> Result<LoadedMesh> {
     let path = path.as_ref();
     parse_obj(source::open(path)?, path)
@@ -180,8 +180,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Up to `N` numbers, at least `least`, and how many; what is missing is 0. A number that is
-    /// none (as `1.#IND`) is NaN where it is
-    /// spelled so.
+    /// none (as `1.#IND`) is NaN where it is spelled so.
     fn numbers<const N: usize>(&self, rest: &[u8], least: usize, element: &str) -> Result<([f64; N], usize)> {
         let mut values = [0.0; N];
         let mut count = 0;
@@ -225,7 +224,8 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// A 1-based or negative index as a 0-based one; [`NONE`] where nothing is written. A positive one may refer to a later line.
+    /// A 1-based or negative index as a 0-based one; [`NONE`] where nothing is written. A positive
+    /// one may refer to a later line.
     fn index(&self, part: Option<&[u8]>, count: usize, token: &[u8], element: &str) -> Result<u32> {
         let Some(part) = part.filter(|p| !p.is_empty()) else { return Ok(NONE) };
         let parsed = std::str::from_utf8(part).ok().and_then(|t| t.parse::<i64>().ok());

@@ -13,13 +13,13 @@ use crate::geometry::material::{BASE_COLOR, Placement, TextureContent, Wrap};
 use crate::geometry::{Material, Mesh, NONE};
 use crate::raster::linear_to_srgb;
 
-/// Writes `mesh` as OBJ, and its materials, if it has any, as an MTL file of the same name beside it.
+/// Writes `mesh` as OBJ, and its materials, if it has any, as an MTL file of the same name beside
+/// it.
 ///
 /// Vertex order, polygons, texture coordinates, normals, colours, groups, smoothing groups and
-/// materials are kept, names with
-/// the bytes they had in the file, numbers with as many digits as read back to the same value.
-/// Textures are referred to where they lie; embedded ones are written beside the file. Each file
-/// appears whole or not at all, the OBJ last.
+/// materials are kept, names with the bytes they had in the file, numbers with as many digits as
+/// read back to the same value. Textures are referred to where they lie; embedded ones are written
+/// beside the file. Each file appears whole or not at all, the OBJ last.
 ///
 /// # Errors
 /// [`crate::Error::Io`] if a file cannot be written; [`crate::Error::NotFinite`] for a coordinate
@@ -114,8 +114,7 @@ impl Names<'_> {
     }
 
     /// A name as it was spelt, or as OBJ can hold it: on one line, not empty, without a backslash
-    /// at its end that joins
-    /// lines.
+    /// at its end that joins lines.
     fn one_line(&self, name: &str) -> Cow<'_, [u8]> {
         if let Some(bytes) = self.mesh.spellings.get(name) {
             return Cow::Borrowed(bytes);

@@ -14,8 +14,7 @@ use crate::geometry::{Corner, MeshBuilder, NONE};
 use crate::{Error, Result};
 
 /// Reads an OFF file: positions, faces, after a `C` in the prefix colours of vertices, and after
-/// `ST` texture coordinates. Colours of
-/// faces and normals are passed over.
+/// `ST` texture coordinates. Colours of faces and normals are passed over.
 ///
 /// # Errors
 /// [`Error::Io`], or [`Error::Format`] naming the line.

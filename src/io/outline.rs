@@ -15,7 +15,8 @@ pub enum Segment {
     Arc(Arc),
 }
 
-/// The points `centre + cosine cos(a) + sine sin(a)` for angles from `start` on over `sweep` radians.
+/// The points `centre + cosine cos(a) + sine sin(a)` for angles from `start` on over `sweep`
+/// radians.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Arc {
     /// Centre of the ellipse.

@@ -1,7 +1,8 @@
 //! Outputs that appear whole or not at all.
 //!
-//! A file is written beside its final place under a temporary name and then renamed, so that a reader never sees half of it and a
-//! failure leaves what was there before. The temporary names are kept in a registry, which lets an interrupt handler remove them.
+//! A file is written beside its final place under a temporary name and then renamed, so that a
+//! reader never sees half of it and a failure leaves what was there before. The temporary names are
+//! kept in a registry, which lets an interrupt handler remove them.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
@@ -19,7 +20,8 @@ pub(super) struct Registry {
 static REGISTRY: Mutex<Registry> = Mutex::new(Registry { live: Vec::new(), closed: false });
 
 pub(super) fn registry() -> MutexGuard<'static, Registry> {
-    // The list stays correct whatever a panicking thread was doing: every change to it is a single push or retain.
+    // The list stays correct whatever a panicking thread was doing: every change to it is a single
+    // push or retain.
     REGISTRY.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -27,8 +29,9 @@ const REMEDY: &str = "Check the folder, its permissions and the free space, or n
 
 /// Writes `path` through `write`, whole or not at all.
 ///
-/// The content goes to a temporary file in the same folder, which is renamed over `path` at the end; on any error it is removed and what was
-/// at `path` stays. A symbolic link is followed. Devices and pipes (`/dev/stdout`) are written directly.
+/// The content goes to a temporary file in the same folder, which is renamed over `path` at the
+/// end; on any error it is removed and what was at `path` stays. A symbolic link is followed.
+/// Devices and pipes (`/dev/stdout`) are written directly.
 ///
 /// # Errors
 /// [`Error::Io`] if the folder is missing or cannot be written, and whatever `write` returns.
@@ -73,7 +76,8 @@ pub(crate) fn failed(path: &Path) -> impl Fn(io::Error) -> Error + '_ {
     move |e| Error::io(path, e, REMEDY)
 }
 
-/// Fails unless `path` can be written, so that long work does not end at a missing folder. Leaves nothing behind.
+/// Fails unless `path` can be written, so that long work does not end at a missing folder. Leaves
+/// nothing behind.
 pub fn check_writable(path: impl AsRef<Path>) -> Result<()> {
     let path = path.as_ref();
     let target = final_place(path)?;
@@ -84,7 +88,8 @@ pub fn check_writable(path: impl AsRef<Path>) -> Result<()> {
     File::options().write(true).create_new(true).open(&temporary.path).map(drop).map_err(|e| Error::io(path, e, REMEDY))
 }
 
-/// Removes the temporary files and folders of all outputs being written and lets no new one begin: for an interrupt handler that then ends the process.
+/// Removes the temporary files and folders of all outputs being written and lets no new one begin:
+/// for an interrupt handler that then ends the process.
 pub fn remove_all_temporary() {
     let mut registry = registry();
     registry.closed = true;
@@ -134,7 +139,8 @@ impl Temporary {
         if registry.closed {
             return Err(Error::io(path, io::ErrorKind::Interrupted.into(), "Run the command again"));
         }
-        // Unique in this process by the counter and among processes by the id; a leftover of a killed process with the same id is skipped.
+        // Unique in this process by the counter and among processes by the id; a leftover of a
+        // killed process with the same id is skipped.
         let candidate = (0u32..)
             .map(|n| folder.join(format!(".{stem}.{}-{n}.partial", std::process::id())))
             .find(|p| !registry.live.contains(p) && !p.exists());

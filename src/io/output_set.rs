@@ -9,8 +9,8 @@ use crate::{Error, Result};
 
 const REMEDY: &str = "Name a folder that does not exist yet, or an empty one, in a folder that may be written";
 
-/// A folder that is filled under a temporary name beside its place and then takes it. It is removed if [`OutputFolder::finish`] is
-/// not called, and at an interrupt.
+/// A folder that is filled under a temporary name beside its place and then takes it. It is removed
+/// if [`OutputFolder::finish`] is not called, and at an interrupt.
 #[derive(Debug)]
 pub struct OutputFolder {
     place: PathBuf,
@@ -33,7 +33,8 @@ impl OutputFolder {
         Self::begin(place, false)
     }
 
-    /// Begins a folder that takes the place of the one at `place`, if there is one, and of all that is in it, when it is finished.
+    /// Begins a folder that takes the place of the one at `place`, if there is one, and of all that
+    /// is in it, when it is finished.
     ///
     /// # Errors
     /// [`Error::Io`] if there is a file at `place` or its parent cannot be written.
@@ -68,7 +69,8 @@ impl OutputFolder {
         if self.replaces && self.place.is_dir() {
             // What was there is removed when this is dropped.
             let old = Temporary::beside(&self.place, &self.place)?;
-            // Under the lock, so that an interrupt finds the old folder or the new one. Released before `old` is dropped.
+            // Under the lock, so that an interrupt finds the old folder or the new one. Released
+            // before `old` is dropped.
             let registry = registry();
             let failed = |e| Error::io(&self.place, e, REMEDY);
             if registry.closed {
@@ -89,8 +91,9 @@ impl OutputFolder {
     }
 }
 
-/// Files that replace what is at their places at once, when [`OutputSet::finish`] is called: until then they are in a temporary
-/// folder beside them. Of files that are not finished nothing is left, nor at an interrupt.
+/// Files that replace what is at their places at once, when [`OutputSet::finish`] is called: until
+/// then they are in a temporary folder beside them. Of files that are not finished nothing is left,
+/// nor at an interrupt.
 #[derive(Debug)]
 pub struct OutputSet {
     folder: Temporary,
@@ -110,7 +113,8 @@ impl OutputSet {
         Ok(Self { folder, files: Vec::new() })
     }
 
-    /// Where the file that is to be at `path`, in the same folder, is written meanwhile: a name that ends as its own.
+    /// Where the file that is to be at `path`, in the same folder, is written meanwhile: a name
+    /// that ends as its own.
     ///
     /// # Errors
     /// [`Error::Io`] if `path` is a folder or in another one.
@@ -132,8 +136,8 @@ impl OutputSet {
     /// # Errors
     /// [`Error::Io`] if one of them cannot be moved; then what was there before is there again.
     pub fn finish(self) -> Result<()> {
-        // Under the lock, so that an interrupt finds all of them moved, or none. Parameters outlive locals: it is released before the
-        // folder is removed.
+        // Under the lock, so that an interrupt finds all of them moved, or none. Parameters outlive
+        // locals: it is released before the folder is removed.
         let registry = registry();
         if registry.closed {
             return Err(Error::io(self.folder.path(), io::ErrorKind::Interrupted.into(), "Run the command again"));
@@ -154,7 +158,8 @@ impl OutputSet {
         Ok(())
     }
 
-    /// Moves file `k` to its place, and what was there into the folder. If that fails, nothing has changed.
+    /// Moves file `k` to its place, and what was there into the folder. If that fails, nothing has
+    /// changed.
     fn place(&self, k: usize) -> io::Result<()> {
         let (meanwhile, target) = &self.files[k];
         let old = self.old(k);

@@ -1,9 +1,9 @@
 //! Stanford PLY, text and binary of either byte order.
 //!
-//! Kept: positions, normals, colours (`vertex_colors`), texture coordinates of vertices (`s t`,
-//! `u v`, `texture_u texture_v`) and of face corners (the `texcoord` list of
-//! MeshLab, with `texnumber` and its `TextureFile` comments). Other elements and properties are passed over. Counts of the header are only believed
-//! as far as the file goes: nothing is allocated from them.
+//! Kept: positions, normals, colours (`vertex_colors`), texture coordinates of vertices (`s t`, `u
+//! v`, `texture_u texture_v`) and of face corners (the `texcoord` list of MeshLab, with `texnumber`
+//! and its `TextureFile` comments). Other elements and properties are passed over. Counts of the
+//! header are only believed as far as the file goes: nothing is allocated from them.
 
 use std::path::Path;
 
@@ -26,7 +26,8 @@ type Told<T> = std::result::Result<T, String>;
 /// Reads a PLY file. O(file size) time and memory.
 ///
 /// # Errors
-/// [`Error::Io`], or [`Error::Format`] naming the header line, or the element at which the body fails.
+/// [`Error::Io`], or [`Error::Format`] naming the header line, or the element at which the body
+/// fails.
 pub fn read_ply(path: impl AsRef<Path>) -> Result<LoadedMesh> {
     let path = path.as_ref();
     parse_ply(&source::read_all(path)?, path)
@@ -139,7 +140,8 @@ fn color_columns(properties: &[Property]) -> Vec<(usize, VertexColumn)> {
     properties.iter().enumerate().filter_map(column).collect()
 }
 
-/// The scalar properties of the vertices of a PLY file, in its order; of several with one name the first.
+/// The scalar properties of the vertices of a PLY file, in its order; of several with one name the
+/// first.
 ///
 /// # Errors
 /// As [`read_ply`].
@@ -171,7 +173,8 @@ pub(crate) fn read_vertex_columns(path: &Path) -> Result<Vec<VertexColumn>> {
     Ok(Vec::new())
 }
 
-/// The numbers that the vertices of a PLY file have under each of `names`, or nothing. Whole numbers of one byte are read as parts of 255, as colours are.
+/// The numbers that the vertices of a PLY file have under each of `names`, or nothing. Whole
+/// numbers of one byte are read as parts of 255, as colours are.
 ///
 /// # Errors
 /// As [`read_ply`].
@@ -287,7 +290,8 @@ struct Body<'a> {
 }
 
 impl Body<'_> {
-    /// Reads `count` items one after the other; stops at the end of the file, which comes long before an absurd count.
+    /// Reads `count` items one after the other; stops at the end of the file, which comes long
+    /// before an absurd count.
     fn each(
         &mut self,
         name: &str,

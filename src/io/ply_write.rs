@@ -34,7 +34,8 @@ impl VertexProperty {
     }
 }
 
-/// Writes positions (double precision), polygons and, if given, one RGB colour a vertex as little-endian binary PLY.
+/// Writes positions (double precision), polygons and, if given, one RGB colour a vertex as
+/// little-endian binary PLY.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Input`] if there are not as many colours as vertices.
@@ -47,12 +48,13 @@ pub fn write_ply(mesh: &Mesh, colors: Option<&[[u8; 3]]>, path: impl AsRef<Path>
     write_ply_with(mesh, if colors.is_some() { &channels } else { &[] }, path)
 }
 
-/// Writes positions (double precision), polygons and properties of the vertices as little-endian binary PLY.
+/// Writes positions (double precision), polygons and properties of the vertices as little-endian
+/// binary PLY.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::NotFinite`] for a position that is not finite; [`Error::Input`] if a
-/// property has not as many values as there are vertices. A property may
-/// be NaN where there is none.
+/// property has not as many values as there are vertices. A property may be NaN where there is
+/// none.
 pub fn write_ply_with(mesh: &Mesh, properties: &[VertexProperty], path: impl AsRef<Path>) -> Result<()> {
     let path = path.as_ref();
     if let Some(p) = properties.iter().find(|p| p.len() != mesh.vertex_count()) {

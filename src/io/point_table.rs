@@ -26,7 +26,8 @@ pub struct PointTable {
 /// Empty lines are passed over.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] naming the line: another header, another number of cells, no finite number.
+/// [`Error::Io`]; [`Error::Format`] naming the line: another header, another number of cells, no
+/// finite number.
 pub fn read_point_table(path: impl AsRef<Path>) -> Result<PointTable> {
     from_table(Table::read(path)?)
 }
@@ -86,8 +87,8 @@ pub struct PointRow {
 }
 
 /// Writes mapped points: the rows and columns of `table` in its dialect, x and y replaced, with
-/// round-trip precision, and behind them `j` if
-/// `jacobian`, and `status`: `ok`, or `failed`, and then the cells of the point are empty.
+/// round-trip precision, and behind them `j` if `jacobian`, and `status`: `ok`, or `failed`, and
+/// then the cells of the point are empty.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::NotFinite`] for a number that is not finite; [`Error::Input`] if there

@@ -89,7 +89,8 @@ impl Answered {
 /// order, one point a row; and the table itself.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] naming the line: another header, a face out of range, coordinates that are no point of the face.
+/// [`Error::Io`]; [`Error::Format`] naming the line: another header, a face out of range,
+/// coordinates that are no point of the face.
 pub fn read_points(path: impl AsRef<Path>, mesh: &Mesh) -> Result<(Vec<SurfacePoint>, Answered)> {
     const REMEDY: &str = "Write face,b0,b1,b2: a face from 0 and three coordinates of sum 1";
     let mut table = Table::read(path)?;
@@ -185,11 +186,11 @@ impl Answered {
 }
 
 /// Reads weights: a [`Table`] with one query a row and `anchors` columns of numbers, with or
-/// without a header; and the table itself, whose
-/// columns of text are no weights.
+/// without a header; and the table itself, whose columns of text are no weights.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] naming the line: another number of weights, one that is not a finite number, no weights at all.
+/// [`Error::Io`]; [`Error::Format`] naming the line: another number of weights, one that is not a
+/// finite number, no weights at all.
 pub fn read_weights(path: impl AsRef<Path>, anchors: usize) -> Result<(Vec<Vec<f64>>, Answered)> {
     let mut table = Table::read(path)?;
     // A header has no number at all, which tells it from a row with a mistake.

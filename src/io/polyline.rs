@@ -33,7 +33,8 @@ fn check_places(path: &Path, runs: &[Vec<DVec3>]) -> Result<()> {
     finite::numbers(path, numbers, |i| format!("point {}, {}", i / 3, ["x", "y", "z"][i % 3]))
 }
 
-/// Writes runs of joined points as little-endian binary PLY: vertices in double precision with their properties, and an element `edge` that joins neighbours of each run.
+/// Writes runs of joined points as little-endian binary PLY: vertices in double precision with
+/// their properties, and an element `edge` that joins neighbours of each run.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::NotFinite`] for a number that is not finite; [`Error::Input`] if a
@@ -71,7 +72,8 @@ pub fn write_polyline_ply(runs: &[Vec<DVec3>], properties: &[PointProperty<'_>],
     output::write_atomically(path, |w| write(w).map_err(output::failed(path)))
 }
 
-/// Writes runs of joined points as OBJ: a `v` line a point with round-trip precision, an `l` line a run.
+/// Writes runs of joined points as OBJ: a `v` line a point with round-trip precision, an `l` line a
+/// run.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::NotFinite`] for a coordinate that is not finite.

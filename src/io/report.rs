@@ -8,8 +8,7 @@ use super::{finite, output};
 use crate::{Error, Result};
 
 /// Keys that are null where there is no such thing. All others have a value: JSON has no number
-/// that is not finite, and such a number becomes null without
-/// a word.
+/// that is not finite, and such a number becomes null without a word.
 const MAY_BE_NULL: &[&str] = &[
     "alignment",
     "ambiguity",

@@ -37,7 +37,8 @@ pub(crate) fn read_text(path: &Path) -> Result<String> {
     Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))
 }
 
-/// Fails with a clear message on UTF-16 text, told by its byte order mark or by zero bytes in every other place.
+/// Fails with a clear message on UTF-16 text, told by its byte order mark or by zero bytes in every
+/// other place.
 pub(crate) fn refuse_utf16(path: &Path, head: &[u8]) -> Result<()> {
     let marked = head.starts_with(&[0xfe, 0xff]) || head.starts_with(&[0xff, 0xfe]);
     let pairs = head[..head.len().min(64)].chunks_exact(2);

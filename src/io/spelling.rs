@@ -1,9 +1,8 @@
 //! Names in files that are not UTF-8: how they are read as text, and how they were spelt.
 //!
 //! Text formats without a declared encoding hold names in whatever the writing program's system
-//! used. Names are
-//! told apart by their bytes. For people they are decoded; [`Spellings`] keeps the bytes for
-//! writing.
+//! used. Names are told apart by their bytes. For people they are decoded; [`Spellings`] keeps the
+//! bytes for writing.
 
 use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
@@ -13,8 +12,7 @@ use encoding_rs::{Encoding, SHIFT_JIS, WINDOWS_1252};
 /// The encoding of `names` of one file, used for those that are not UTF-8.
 ///
 /// Shift-JIS where every name is valid in it and some byte lies in 80 to 9F, which begins most of
-/// its letters and no
-/// letter of Latin-1; Windows-1252, a superset of Latin-1, otherwise.
+/// its letters and no letter of Latin-1; Windows-1252, a superset of Latin-1, otherwise.
 pub(crate) fn guess<'n>(names: impl Iterator<Item = &'n [u8]>) -> &'static Encoding {
     let (mut lead, mut valid) = (false, true);
     for name in names.filter(|n| std::str::from_utf8(n).is_err()) {

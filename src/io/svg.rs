@@ -19,8 +19,9 @@ const MOST_NODES: u32 = 1 << 24;
 /// What is drawn only where something else refers to it, in coordinates of that.
 const ELSEWHERE: [&str; 7] = ["defs", "clipPath", "mask", "pattern", "marker", "symbol", "svg"];
 
-/// An SVG document: paths, polylines, polygons, lines, rectangles, circles and ellipses are outlines, in the coordinates of the
-/// document (transforms, as attributes and in `style`, are applied, and undone in what is written).
+/// An SVG document: paths, polylines, polygons, lines, rectangles, circles and ellipses are
+/// outlines, in the coordinates of the document (transforms, as attributes and in `style`, are
+/// applied, and undone in what is written).
 #[derive(Clone, Debug)]
 pub struct Svg {
     text: String,
@@ -46,7 +47,8 @@ enum Edit {
     Path(Range<usize>),
     /// The value of `points`.
     Points(Range<usize>),
-    /// A basic shape, which becomes a path: its names, the attribute that is replaced and those that go, and what to add.
+    /// A basic shape, which becomes a path: its names, the attribute that is replaced and those
+    /// that go, and what to add.
     Basic { names: Vec<Range<usize>>, first: Range<usize>, others: Vec<Range<usize>>, fill: bool },
 }
 
@@ -54,7 +56,8 @@ impl Svg {
     /// Reads a document.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Format`] naming the line: no XML, no SVG, path data or a transform with a mistake.
+    /// [`Error::Io`]; [`Error::Format`] naming the line: no XML, no SVG, path data or a transform
+    /// with a mistake.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         Self::parse(source::read_text(path)?, path)
@@ -148,8 +151,8 @@ impl Svg {
         self.elements.iter().map(|e| Shape { name: e.name.clone(), parts: e.parts.clone() }).collect()
     }
 
-    /// The document with the images of the [shapes](Svg::shapes) in their places. An element without an image is not drawn:
-    /// its data become empty.
+    /// The document with the images of the [shapes](Svg::shapes) in their places. An element
+    /// without an image is not drawn: its data become empty.
     pub fn replaced(&self, images: &[Option<MappedShape>]) -> String {
         let mut edits: Vec<(Range<usize>, String)> = Vec::new();
         for (element, image) in self.elements.iter().zip(images) {
@@ -183,7 +186,8 @@ impl Svg {
         output::write_bytes(path, self.replaced(images).as_bytes())
     }
 
-    /// Every edit has a place of its own in the text: not so if an element comes from an entity that is used twice.
+    /// Every edit has a place of its own in the text: not so if an element comes from an entity
+    /// that is used twice.
     fn check_ranges(&self, name: &Path) -> Result<()> {
         let mut ranges: Vec<Range<usize>> = Vec::new();
         for element in &self.elements {

@@ -2,9 +2,8 @@
 //! origin, and `translate`, `rotate` and `scale`.
 //!
 //! A property wins over the attribute (SVG 2, section 6). Lengths may have absolute units of CSS,
-//! at 96 pixels an inch; per cents are of the drawing's
-//! `viewBox`, as `transform-box: view-box` says, which is what SVG elements have unless they say
-//! otherwise.
+//! at 96 pixels an inch; per cents are of the drawing's `viewBox`, as `transform-box: view-box`
+//! says, which is what SVG elements have unless they say otherwise.
 
 use std::str::FromStr;
 

@@ -1,12 +1,11 @@
 //! Tables as text: CSV in the dialects that spreadsheets and programs write.
 //!
 //! Cells are separated by commas, semicolons, tabs or blanks ([`Separator`]), told by the first
-//! rows. Cells in quotation marks may hold separators and
-//! line ends. Decimal signs are points or commas, one of them in a table. Lines may end in LF, CR
-//! LF or CR. Lines that begin with `#` are comments, as is
-//! `sep=;`, which spreadsheets write; a comment right above numbers with as many words as they have
-//! columns is their header, as NumPy writes it.
-//! Columns are found by name, whatever case and order.
+//! rows. Cells in quotation marks may hold separators and line ends. Decimal signs are points or
+//! commas, one of them in a table. Lines may end in LF, CR LF or CR. Lines that begin with `#` are
+//! comments, as is `sep=;`, which spreadsheets write; a comment right above numbers with as many
+//! words as they have columns is their header, as NumPy writes it. Columns are found by name,
+//! whatever case and order.
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -349,8 +348,7 @@ fn declared_separator(line: &str) -> Option<Separator> {
 /// `body` with empty lines in the place of comments, and their number.
 ///
 /// A line that begins with `#` outside of quotation marks is none if it has as many cells as the
-/// row before it and a number behind the first: `#b,2`
-/// below `#a,1`.
+/// row before it and a number behind the first: `#b,2` below `#a,1`.
 fn without_comments(body: &str, separator: Separator) -> (Cow<'_, str>, usize) {
     if !body.contains('#') {
         return (body.into(), 0);

@@ -1,10 +1,11 @@
-//! Lists of targets with their anchors, for work on many of them: a folder, or a list in JSON or CSV.
+//! Lists of targets with their anchors, for work on many of them: a folder, or a list in JSON or
+//! CSV.
 //!
-//! In a folder each mesh `NAME.obj` (or `.ply`, `.off`, `.gltf`, `.glb`) has its anchors beside it, `NAME.json` or `NAME.txt`. A list in JSON is
-//! `[{"target": "a.obj", "anchors": "a.json", "name": "a"}, ...]`, also under the key `items`; one
-//! in CSV (a [`Table`]) has columns `target`, `anchors` and,
-//! if wanted, `name`. Paths are relative to the list. Without a name the target's own is taken,
-//! less its extension.
+//! In a folder each mesh `NAME.obj` (or `.ply`, `.off`, `.gltf`, `.glb`) has its anchors beside it,
+//! `NAME.json` or `NAME.txt`. A list in JSON is `[{"target": "a.obj", "anchors": "a.json", "name":
+//! "a"}, ...]`, also under the key `items`; one in CSV (a [`Table`]) has columns `target`,
+//! `anchors` and, if wanted, `name`. Paths are relative to the list. Without a name the target's
+//! own is taken, less its extension.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -20,13 +21,16 @@ use crate::{Error, Result};
 pub struct TargetItem {
     /// The name that its results get, unique in the list; a file name.
     pub name: String,
-    /// Its mesh and its anchors (a path, or two joined by a comma), or what is wrong with this item.
+    /// Its mesh and its anchors (a path, or two joined by a comma), or what is wrong with this
+    /// item.
     pub files: std::result::Result<(PathBuf, String), String>,
 }
 
-/// Reads a list of targets, sorted by name; a mesh at `except` (the source, if it lies among them) is passed over.
+/// Reads a list of targets, sorted by name; a mesh at `except` (the source, if it lies among them)
+/// is passed over.
 ///
-/// An item that cannot be used is in the list with what is wrong with it, so that the others keep their places.
+/// An item that cannot be used is in the list with what is wrong with it, so that the others keep
+/// their places.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Format`] if the list as a whole cannot be read or is empty.

@@ -51,7 +51,8 @@ impl TextureName {
         number.is_some_and(|n| !n.is_empty() && n.chars().all(|c| c.is_ascii_digit() || "uv_".contains(c)))
     }
 
-    /// The file of the tile with the lower corner `(u, v)`, not negative; names of roles and materials have what file systems forbid replaced by `_`.
+    /// The file of the tile with the lower corner `(u, v)`, not negative; names of roles and
+    /// materials have what file systems forbid replaced by `_`.
     pub fn file(&self, tile: Option<[i32; 2]>, role: &str, material: &str) -> PathBuf {
         let mut text = self.0.clone();
         let mut put = |places: &[&str], value: &str| {

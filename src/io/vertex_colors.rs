@@ -1,10 +1,9 @@
 //! Colours of vertices: their columns by name, and the range of their numbers.
 //!
 //! Files do not say what number is full. Whole numbers of one byte are parts of 255. Of others the
-//! whole set of columns
-//! decides: numbers up to 1 are taken as they are, up to 255 as parts of 255, larger ones as parts
-//! of 65535. Opacity is
-//! judged by itself where its numbers all lie in 0..1 and those of the colours do not.
+//! whole set of columns decides: numbers up to 1 are taken as they are, up to 255 as parts of 255,
+//! larger ones as parts of 65535. Opacity is judged by itself where its numbers all lie in 0..1 and
+//! those of the colours do not.
 
 /// Names of columns, by red, green, blue and opacity; the first set that is there counts.
 const NAMES: [[&str; 4]; 3] = [
@@ -83,10 +82,9 @@ fn note(full: f64) -> Option<String> {
 }
 
 /// Colours that stand behind the positions of an OBJ file: up to four numbers a vertex, from the
-/// fourth on, and their
-/// count. Six numbers in all are x y z r g b; seven x y z w r g b where the fourth is 1 throughout,
-/// else x y z r g b a.
-/// Vertices with fewer numbers are white. `None` where no vertex has six numbers.
+/// fourth on, and their count. Six numbers in all are x y z r g b; seven x y z w r g b where the
+/// fourth is 1 throughout, else x y z r g b a. Vertices with fewer numbers are white. `None` where
+/// no vertex has six numbers.
 pub(crate) fn behind_positions(numbers: &[([f64; 4], u8)]) -> Option<Colors> {
     let with = |count: u8| numbers.iter().filter(move |(_, n)| *n == count);
     if !numbers.iter().any(|(_, n)| *n >= 3) {

@@ -1,8 +1,10 @@
 //! The knots of continuous partitions, in the plane and in space (paper, section 4.4).
 
-/// Jacobians from here on need no extra knot in a continuous partition; 1 would be the identity's, 0.5 takes far fewer steps.
+/// Jacobians from here on need no extra knot in a continuous partition; 1 would be the identity's,
+/// 0.5 takes far fewer steps.
 const CALM: f64 = 0.5;
-/// Extra knots closer to their interval's start than this in t change no digit of the map that can be seen.
+/// Extra knots closer to their interval's start than this in t change no digit of the map that can
+/// be seen.
 const LEAST_SHIFT: f64 = 1e-9;
 
 /// How far an extra knot has moved from the start of its interval (0) to the middle (1).
@@ -22,10 +24,12 @@ struct Node {
     active: f64,
 }
 
-/// Knots from 0 to 1, rising, by a rule that is continuous in every minimum: the knot of a node of the dyadic tree moves from the start of its
-/// interval to the middle as the smallest Jacobian of the interval falls from [`CALM`] to 0, by no more than its parent has moved. Every node
-/// that Listing 1 splits has moved all the way: its partition is contained. Intervals no longer than `eps` are not divided, nor
-/// any once there are `most` knots. `minima` gives the smallest Jacobians of intervals, all of one depth in one call.
+/// Knots from 0 to 1, rising, by a rule that is continuous in every minimum: the knot of a node of
+/// the dyadic tree moves from the start of its interval to the middle as the smallest Jacobian of
+/// the interval falls from [`CALM`] to 0, by no more than its parent has moved. Every node that
+/// Listing 1 splits has moved all the way: its partition is contained. Intervals no longer than
+/// `eps` are not divided, nor any once there are `most` knots. `minima` gives the smallest
+/// Jacobians of intervals, all of one depth in one call.
 ///
 /// # Errors
 /// What `minima` returns.

@@ -46,7 +46,8 @@ impl Atlas {
         let mut charts = vec![u32::MAX; cage.quads.len()];
         let mut flat: Vec<(Vec<Cell>, Layout)> = Vec::new();
         for seed in 0..cage.quads.len() {
-            // Start in the middle of the front where a part has one, so that its seam lies at the back.
+            // Start in the middle of the front where a part has one, so that its seam lies at the
+            // back.
             if charts[seed] != u32::MAX {
                 continue;
             }
@@ -104,7 +105,8 @@ fn group(part: Part, (axis, positive): Facing, style: AtlasStyle) -> (Part, u8) 
     (part, half)
 }
 
-/// The unplaced quad of the group of `first` whose lattice place is most central, preferring those that face the front.
+/// The unplaced quad of the group of `first` whose lattice place is most central, preferring those
+/// that face the front.
 fn front_seed(cage: &Cage, groups: &[(Part, u8)], charts: &[u32], first: usize) -> usize {
     let members: Vec<usize> =
         (first..cage.quads.len()).filter(|&q| groups[q] == groups[first] && charts[q] == u32::MAX).collect();
@@ -118,8 +120,9 @@ fn front_seed(cage: &Cage, groups: &[(Part, u8)], charts: &[u32], first: usize) 
     candidates.iter().copied().min_by_key(|&q| (off(q), q)).unwrap_or(first)
 }
 
-/// Unfolds quads of one group from `seed` into the cells of a lattice, breadth first. A cell is taken only if each of its neighbours
-/// in the plane is its neighbour on the cage too, so that nothing meets in the plane that is apart on the body.
+/// Unfolds quads of one group from `seed` into the cells of a lattice, breadth first. A cell is
+/// taken only if each of its neighbours in the plane is its neighbour on the cage too, so that
+/// nothing meets in the plane that is apart on the body.
 fn unfold(cage: &Cage, groups: &[(Part, u8)], seed: usize, charts: &mut [u32], chart: u32) -> Vec<Cell> {
     let mut cells = vec![Cell { quad: seed as u32, x: 0, y: 0, turn: 0 }];
     let mut taken: BTreeMap<(i32, i32), Cell> = BTreeMap::from([((0, 0), cells[0])]);
@@ -201,7 +204,8 @@ impl Layout {
     }
 }
 
-/// Packs boxes into the unit square at the largest common scale: the scale and the lower left corners.
+/// Packs boxes into the unit square at the largest common scale: the scale and the lower left
+/// corners.
 fn pack(sizes: &[DVec2]) -> (f64, Vec<DVec2>) {
     let mut order: Vec<usize> = (0..sizes.len()).collect();
     order.sort_by(|&a, &b| sizes[b].max_element().total_cmp(&sizes[a].max_element()).then(a.cmp(&b)));
@@ -219,7 +223,8 @@ fn pack(sizes: &[DVec2]) -> (f64, Vec<DVec2>) {
     (low, places)
 }
 
-/// Drops one box after the other to the lowest, then leftmost place over the skyline of those before; `None` if one does not fit.
+/// Drops one box after the other to the lowest, then leftmost place over the skyline of those
+/// before; `None` if one does not fit.
 fn drop_boxes(sizes: &[DVec2], order: &[usize], scale: f64) -> Option<Vec<DVec2>> {
     let mut places = vec![DVec2::ZERO; sizes.len()];
     // Steps of the skyline from the left: start and height.

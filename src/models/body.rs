@@ -1,7 +1,8 @@
 //! Proportions and pose of a character, and the control positions that follow from them.
 //!
-//! Each limb is a small skeleton of three bones. Cross-sections stand along it, turn smoothly at its joints and carry six control
-//! vertices each, so that the limb bends without a crease wherever its bones point.
+//! Each limb is a small skeleton of three bones. Cross-sections stand along it, turn smoothly at
+//! its joints and carry six control vertices each, so that the limb bends without a crease wherever
+//! its bones point.
 
 use glam::DVec3;
 
@@ -19,7 +20,8 @@ pub(super) struct Limb {
     pub(super) directions: [DVec3; 3],
     /// Their lengths.
     pub(super) lengths: [f64; 3],
-    /// Half sizes of the cross-section at each station: across (up for arms, sideways for legs) and front to back.
+    /// Half sizes of the cross-section at each station: across (up for arms, sideways for legs) and
+    /// front to back.
     pub(super) sizes: [[f64; 2]; 8],
     /// Turn of the hand about the forearm, radians.
     pub(super) twist: f64,
@@ -206,7 +208,8 @@ impl<'a> Posed<'a> {
         if z < 3 {
             return base;
         }
-        // The thumb: its two ends follow the hand and lean out to the front and towards the finger tips.
+        // The thumb: its two ends follow the hand and lean out to the front and towards the finger
+        // tips.
         let [a, b] = limb.sizes[5];
         let toward = limb.directions[2].normalize();
         let tip = self.arms[side][5].origin.lerp(self.arms[side][6].origin, 0.55);
@@ -317,8 +320,9 @@ impl Body {
     }
 }
 
-/// Frames at the stations of a limb. `inward` is the direction in which the limb leaves the torso, `across` its side at the root
-/// and `front` gives the third direction from the tangent and the side.
+/// Frames at the stations of a limb. `inward` is the direction in which the limb leaves the torso,
+/// `across` its side at the root and `front` gives the third direction from the tangent and the
+/// side.
 fn limb_frames(
     limb: &Limb,
     stations: &[f64],

@@ -1,11 +1,13 @@
 //! The control cage all characters share: the boundary of a body made of unit cubes.
 //!
-//! Every character is the Catmull-Clark surface of this one cage of quads with its own control positions, so a point of the
-//! body is named by a quad and two parameters, the same for all of them.
+//! Every character is the Catmull-Clark surface of this one cage of quads with its own control
+//! positions, so a point of the body is named by a quad and two parameters, the same for all of
+//! them.
 
 use std::collections::{BTreeMap, HashMap};
 
-/// A corner of the lattice in which the cage is built: x to the character's left, y up, z to the front.
+/// A corner of the lattice in which the cage is built: x to the character's left, y up, z to the
+/// front.
 pub(super) type Lattice = [i32; 3];
 
 /// Parts of the body.
@@ -39,7 +41,8 @@ pub(super) type Facing = (usize, bool);
 pub(super) struct Cage {
     /// Lattice place of each control vertex.
     pub(super) vertices: Vec<Lattice>,
-    /// Quads, counter-clockwise from outside; corners stand at parameters (0,0), (1,0), (1,1), (0,1).
+    /// Quads, counter-clockwise from outside; corners stand at parameters (0,0), (1,0), (1,1),
+    /// (0,1).
     pub(super) quads: Vec<[u32; 4]>,
     /// Part of each quad.
     pub(super) parts: Vec<Part>,
@@ -93,7 +96,8 @@ impl Cage {
     /// The cage of the body.
     pub(super) fn new() -> Self {
         let cubes = cubes();
-        // Per direction: the corners of the unit cube's face with u to the right and v up as seen from outside.
+        // Per direction: the corners of the unit cube's face with u to the right and v up as seen
+        // from outside.
         let faces: [(Facing, [Lattice; 4]); 6] = [
             ((0, true), [[1, 0, 1], [1, 0, 0], [1, 1, 0], [1, 1, 1]]),
             ((0, false), [[0, 0, 0], [0, 0, 1], [0, 1, 1], [0, 1, 0]]),

@@ -23,8 +23,8 @@ const PADDING: usize = 12;
 pub struct Character {
     /// The mesh: closed, of genus 0, in metres, y up, facing about +z.
     pub mesh: Mesh,
-    /// Place of each vertex on the neutral body, which stands straight with its arms out to the sides: colours and distances
-    /// between landmarks are defined there.
+    /// Place of each vertex on the neutral body, which stands straight with its arms out to the
+    /// sides: colours and distances between landmarks are defined there.
     pub neutral: Vec<DVec3>,
     /// Chart of each triangle.
     pub charts: Vec<u32>,
@@ -64,12 +64,14 @@ impl Character {
         Self { mesh: builder.build(), neutral: sampled.positions(&neutral), charts, sampled }
     }
 
-    /// The parameters of a point of the mesh: equal parameters are corresponding points of any two characters.
+    /// The parameters of a point of the mesh: equal parameters are corresponding points of any two
+    /// characters.
     pub fn parameter(&self, point: &SurfacePoint) -> Parameter {
         self.sampled.parameter(point)
     }
 
-    /// The point of the mesh with the given parameters. Exact: parameters are linear on each triangle.
+    /// The point of the mesh with the given parameters. Exact: parameters are linear on each
+    /// triangle.
     pub fn locate(&self, parameter: Parameter) -> SurfacePoint {
         self.sampled.locate(parameter)
     }
@@ -79,8 +81,9 @@ impl Character {
         self.sampled.parameters[v]
     }
 
-    /// The painted texture of `size` by `size` texels (raised to 16), opaque, row 0 at v = 1. Each texel is the mean of
-    /// four samples. O(size^2), in parallel; the same bytes for any number of threads.
+    /// The painted texture of `size` by `size` texels (raised to 16), opaque, row 0 at v = 1. Each
+    /// texel is the mean of four samples. O(size^2), in parallel; the same bytes for any number of
+    /// threads.
     pub fn texture(&self, size: u32) -> RgbaImage {
         let size = size.max(16) as usize;
         let owner = self.owners(size);
@@ -106,7 +109,8 @@ impl Character {
         picture
     }
 
-    /// Neutral position as an affine function of the texel coordinates (x right, y down) on triangle `t`.
+    /// Neutral position as an affine function of the texel coordinates (x right, y down) on
+    /// triangle `t`.
     fn texel_map(&self, t: usize, size: usize) -> [DVec3; 3] {
         let p = self.mesh.triangle(t).map(|v| self.neutral[v as usize]);
         let [a, b, c] = self.texel_corners(t, size);
@@ -122,7 +126,8 @@ impl Character {
         uv.map(|uv| DVec2::new(uv.x, 1.0 - uv.y) * size as f64)
     }
 
-    /// The triangle that colours each texel: the one over its centre, around the charts that of the nearest such texel.
+    /// The triangle that colours each texel: the one over its centre, around the charts that of the
+    /// nearest such texel.
     fn owners(&self, size: usize) -> Vec<u32> {
         let mut owner = vec![NONE; size * size];
         let mut frontier = Vec::new();

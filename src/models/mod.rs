@@ -1,7 +1,8 @@
 //! Shapes and characters made by code, so that tests, examples and the demonstration need no files.
 //!
-//! The characters are Catmull-Clark surfaces of one control cage with different measures and poses, cut into triangles
-//! independently. Corresponding points have the same parameters on the cage, so the true correspondence is known everywhere.
+//! The characters are Catmull-Clark surfaces of one control cage with different measures and poses,
+//! cut into triangles independently. Corresponding points have the same parameters on the cage, so
+//! the true correspondence is known everywhere.
 
 mod atlas;
 mod body;

@@ -1,7 +1,8 @@
 //! The picture on the characters: a colour for each point of the neutral body.
 //!
-//! Because colours depend on the place on the body alone, they cross the seams of any atlas without a jump, and painting two
-//! characters by the same function shows what a perfect transfer looks like.
+//! Because colours depend on the place on the body alone, they cross the seams of any atlas without
+//! a jump, and painting two characters by the same function shows what a perfect transfer looks
+//! like.
 
 use glam::{DVec2, DVec3};
 
@@ -47,7 +48,8 @@ fn stripes(x: f64, period: f64) -> f64 {
     (t - 0.25 * period).abs().min((t - 1.25 * period).abs()) - 0.25 * period
 }
 
-/// Lays `top()` over `below` where the distance is negative; nothing is computed where it cannot be seen.
+/// Lays `top()` over `below` where the distance is negative; nothing is computed where it cannot be
+/// seen.
 fn over(below: DVec3, distance: f64, top: impl FnOnce() -> DVec3) -> DVec3 {
     match inside(distance) {
         0.0 => below,
@@ -59,7 +61,8 @@ fn over(below: DVec3, distance: f64, top: impl FnOnce() -> DVec3) -> DVec3 {
 /// The colour (sRGB, 0 to 1) at a point of the neutral body.
 pub(super) fn color(p: DVec3) -> DVec3 {
     let x = p.x.abs();
-    // From the outermost layer inwards: each computes what is below it only where it leaves it to be seen.
+    // From the outermost layer inwards: each computes what is below it only where it leaves it to
+    // be seen.
     let body = || over(limbs(p), (-collar(p)).max(0.955 - p.y).max(x - 0.43), || shirt_color(p));
     let dressed = || {
         let trousers = (p.y - 0.965).max(0.105 - p.y).max(x - 0.4);

@@ -32,7 +32,8 @@ pub fn stout() -> Character {
     Character::new(&cast::stout(), &sampling, AtlasStyle::Halves)
 }
 
-/// The two characters of the demonstration: from the strider to the stout one. They share no connectivity.
+/// The two characters of the demonstration: from the strider to the stout one. They share no
+/// connectivity.
 pub fn character_pair() -> ModelPair {
     ModelPair::new(strider(), stout())
 }
@@ -54,10 +55,12 @@ impl ModelPair {
         self.source.locate(self.target.parameter(point))
     }
 
-    /// `n` anchor pairs (at most one per target vertex), spread over the target by farthest-point sampling along its edges:
-    /// the source points and the target points, index by index. The first `m` of `anchors(n)` are `anchors(m)`.
+    /// `n` anchor pairs (at most one per target vertex), spread over the target by farthest-point
+    /// sampling along its edges: the source points and the target points, index by index. The first
+    /// `m` of `anchors(n)` are `anchors(m)`.
     ///
-    /// The target points are vertices. O(n * vertices * log(vertices)) at most, much less in practice.
+    /// The target points are vertices. O(n * vertices * log(vertices)) at most, much less in
+    /// practice.
     pub fn anchors(&self, n: usize) -> (Vec<SurfacePoint>, Vec<SurfacePoint>) {
         let vertices = farthest_points(&self.target.mesh, n);
         let topology = Topology::new(&self.target.mesh);
@@ -72,7 +75,8 @@ impl ModelPair {
     }
 }
 
-/// Vertices spread by farthest-point sampling with distances along edges, the first one farthest from vertex 0.
+/// Vertices spread by farthest-point sampling with distances along edges, the first one farthest
+/// from vertex 0.
 fn farthest_points(mesh: &Mesh, n: usize) -> Vec<u32> {
     let mut edges = vec![Vec::new(); mesh.vertex_count()];
     for t in 0..mesh.triangle_count() {

@@ -1,4 +1,5 @@
-//! Pairs of polygons whose maps are known well: from the mapping paper's figures, and hard cases measured for this project.
+//! Pairs of polygons whose maps are known well: from the mapping paper's figures, and hard cases
+//! measured for this project.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -30,8 +31,8 @@ pub fn star(count: usize, radii: &[f64], turn: f64, centre: DVec2) -> Vec<DVec2>
     (0..count).map(vertex).collect()
 }
 
-/// The unit square whose upper right corner moves to (1 - s, 1 - s): its smallest Jacobian is 1 - (2 √2 - 1) s (Figures 8 and 9
-/// of the paper).
+/// The unit square whose upper right corner moves to (1 - s, 1 - s): its smallest Jacobian is 1 -
+/// (2 √2 - 1) s (Figures 8 and 9 of the paper).
 pub fn square_corner(s: f64) -> PolygonPair {
     let square = |corner: f64| vec![vec![DVec2::ZERO, DVec2::X, DVec2::splat(corner), DVec2::Y]];
     PolygonPair::of(square(1.0), square(1.0 - s))

@@ -1,8 +1,9 @@
 //! Triangulations of the base surface, and where a point of one lies on another.
 //!
-//! Every triangle lies within one quad of the cage in parameter space, and the parameters are linear on it. So a vertex of one
-//! triangulation, whose parameters are known, has exactly one place on any other: the triangle there that contains the
-//! parameters. This is the ground truth of correspondences.
+//! Every triangle lies within one quad of the cage in parameter space, and the parameters are
+//! linear on it. So a vertex of one triangulation, whose parameters are known, has exactly one
+//! place on any other: the triangle there that contains the parameters. This is the ground truth of
+//! correspondences.
 
 use glam::{DVec2, DVec3};
 
@@ -16,7 +17,8 @@ use crate::geometry::SurfacePoint;
 pub(super) struct Sampling {
     /// Wanted edge length, metres.
     pub(super) edge: f64,
-    /// Parameters move at random by up to this share of the spacing (below 0.4, so that no triangle turns over).
+    /// Parameters move at random by up to this share of the spacing (below 0.4, so that no triangle
+    /// turns over).
     pub(super) jitter: f64,
     /// Seed of the movement.
     pub(super) seed: u64,
@@ -27,7 +29,8 @@ pub(super) struct Sampling {
 /// A triangulated base surface.
 #[derive(Clone, Debug)]
 pub(super) struct Sampled {
-    /// Each vertex by one of its names (a vertex on an edge of the cage has two, on a corner several).
+    /// Each vertex by one of its names (a vertex on an edge of the cage has two, on a corner
+    /// several).
     pub(super) parameters: Vec<Parameter>,
     /// Vertices of each triangle.
     pub(super) triangles: Vec<[u32; 3]>,
@@ -172,7 +175,8 @@ pub(super) fn quad_lengths(surface: &BaseSurface, quad: u32) -> [f64; 2] {
     [mean(true), mean(false)]
 }
 
-/// Number of segments of each edge: equal for opposite edges of a quad, by the mean length of all edges tied so.
+/// Number of segments of each edge: equal for opposite edges of a quad, by the mean length of all
+/// edges tied so.
 fn segments(cage: &Cage, surface: &BaseSurface, edge: f64) -> Vec<usize> {
     let mut parent: Vec<usize> = (0..cage.edge_count).collect();
     fn root(parent: &mut [usize], mut i: usize) -> usize {

@@ -1,7 +1,8 @@
 //! Simple shapes with a controlled triangulation.
 //!
-//! All shapes are oriented counter-clockwise seen from outside (from +z for planar ones). Counts below the smallest that
-//! makes a proper shape are raised to it. Building takes time and memory linear in the number of vertices.
+//! All shapes are oriented counter-clockwise seen from outside (from +z for planar ones). Counts
+//! below the smallest that makes a proper shape are raised to it. Building takes time and memory
+//! linear in the number of vertices.
 
 use std::collections::HashMap;
 use std::f64::consts::{PI, TAU};
@@ -34,7 +35,8 @@ impl Diagonal {
     }
 }
 
-/// A grid of `nx` by `ny` quads whose vertices may be glued at the ends, with texture coordinates over the unit square.
+/// A grid of `nx` by `ny` quads whose vertices may be glued at the ends, with texture coordinates
+/// over the unit square.
 ///
 /// Quads that collapse to a triangle or less (at a pole) give one triangle or none.
 struct Grid<'a> {
@@ -82,15 +84,17 @@ impl Grid<'_> {
     }
 }
 
-/// A rectangle `[0, width] x [0, height]` at z = 0 of `nx` by `ny` quads, with texture coordinates over the unit square.
+/// A rectangle `[0, width] x [0, height]` at z = 0 of `nx` by `ny` quads, with texture coordinates
+/// over the unit square.
 ///
 /// Vertex `(i, j)` has the index `j * (nx + 1) + i`.
 pub fn plane_grid(nx: usize, ny: usize, width: f64, height: f64, diagonal: Diagonal) -> Mesh {
     irregular_plane(nx, ny, width, height, diagonal, 0.0, 0)
 }
 
-/// A [`plane_grid`] whose inner vertices are moved at random by up to `amount` (0 to 0.3 keeps all triangles upright) of
-/// the grid's spacing; the texture coordinates move along, so that the texture stays affine.
+/// A [`plane_grid`] whose inner vertices are moved at random by up to `amount` (0 to 0.3 keeps all
+/// triangles upright) of the grid's spacing; the texture coordinates move along, so that the
+/// texture stays affine.
 pub fn irregular_plane(
     nx: usize,
     ny: usize,
@@ -119,10 +123,11 @@ pub fn irregular_plane(
     mesh
 }
 
-/// A sphere of `slices` meridians and `stacks` parallels around the y axis, poles included, closed, with texture coordinates
-/// (u along the equator with a seam, v from the south to the north pole).
+/// A sphere of `slices` meridians and `stacks` parallels around the y axis, poles included, closed,
+/// with texture coordinates (u along the equator with a seam, v from the south to the north pole).
 ///
-/// Vertex 0 is the south pole, `1 + j * slices + i` lies on parallel `j`, the last one is the north pole.
+/// Vertex 0 is the south pole, `1 + j * slices + i` lies on parallel `j`, the last one is the north
+/// pole.
 pub fn uv_sphere(radius: f64, slices: usize, stacks: usize) -> Mesh {
     let (slices, stacks) = (slices.max(3), stacks.max(2));
     let mut positions = vec![DVec3::new(0.0, -radius, 0.0)];
@@ -146,9 +151,11 @@ pub fn uv_sphere(radius: f64, slices: usize, stacks: usize) -> Mesh {
     })
 }
 
-/// A torus around the z axis: `n` quads around the axis at distance `major`, `m` around the tube of radius `minor`.
+/// A torus around the z axis: `n` quads around the axis at distance `major`, `m` around the tube of
+/// radius `minor`.
 ///
-/// Vertex `(i, j)` has the index `j * n + i`, `i` around the axis; texture coordinates over the unit square with two seams.
+/// Vertex `(i, j)` has the index `j * n + i`, `i` around the axis; texture coordinates over the
+/// unit square with two seams.
 pub fn torus(major: f64, minor: f64, n: usize, m: usize, diagonal: Diagonal) -> Mesh {
     let (n, m) = (n.max(3), m.max(3));
     let mut positions = Vec::with_capacity(n * m);
@@ -165,7 +172,8 @@ pub fn torus(major: f64, minor: f64, n: usize, m: usize, diagonal: Diagonal) -> 
 
 /// An open tube around the y axis from 0 to `height`: two boundary loops.
 ///
-/// Vertex `(i, j)` has the index `j * slices + i`; texture coordinates over the unit square with one seam.
+/// Vertex `(i, j)` has the index `j * slices + i`; texture coordinates over the unit square with
+/// one seam.
 pub fn tube(radius: f64, height: f64, slices: usize, stacks: usize, diagonal: Diagonal) -> Mesh {
     let (slices, stacks) = (slices.max(3), stacks.max(1));
     let mut positions = Vec::with_capacity(slices * (stacks + 1));
@@ -186,7 +194,8 @@ pub fn tetrahedron() -> Mesh {
     Mesh::from_triangles("tetrahedron", positions, &[[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]])
 }
 
-/// A sphere from an icosahedron whose triangles are cut into four `level` times (at most 8), without texture coordinates.
+/// A sphere from an icosahedron whose triangles are cut into four `level` times (at most 8),
+/// without texture coordinates.
 ///
 /// It has `10 * 4^level + 2` vertices; the first twelve are the icosahedron's.
 pub fn icosphere(radius: f64, level: u32) -> Mesh {
@@ -194,12 +203,13 @@ pub fn icosphere(radius: f64, level: u32) -> Mesh {
     Mesh::from_triangles("icosphere", positions.into_iter().map(|p| p * radius).collect(), &triangles)
 }
 
-/// A closed body without symmetry: an [`icosphere`] of radius one with bumps of relative height `amplitude` (0.3 is lively,
-/// up to 0.6 is sensible).
+/// A closed body without symmetry: an [`icosphere`] of radius one with bumps of relative height
+/// `amplitude` (0.3 is lively, up to 0.6 is sensible).
 ///
 /// Vertices correspond between amplitudes at the same level.
 pub fn lobed_sphere(level: u32, amplitude: f64) -> Mesh {
-    // Directions, heights and sharpness of the bumps: uneven, so that no rotation or reflection maps the body to itself.
+    // Directions, heights and sharpness of the bumps: uneven, so that no rotation or reflection
+    // maps the body to itself.
     let lobes = [
         (DVec3::new(0.0, 1.0, 0.15), 1.0, 5.0),
         (DVec3::new(0.9, -0.2, 0.4), 0.8, 6.0),
@@ -276,7 +286,8 @@ fn icosphere_directions(level: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     (positions, triangles)
 }
 
-/// A small deterministic generator (splitmix64) for shapes and tests that need numbers without a pattern.
+/// A small deterministic generator (splitmix64) for shapes and tests that need numbers without a
+/// pattern.
 #[derive(Clone, Debug)]
 pub struct Random(u64);
 

@@ -155,9 +155,10 @@ mod tests {
 
     #[test]
     fn a_cube_shrinks_to_the_known_size() {
-        // After one step a face's centre stays, its edge points have height 3/4 over the other axis and the corners are at 5/9.
-        // The limit mask of a regular vertex, (16, 4, 1) / 36, then gives the height of the limit surface; each
-        // of the three steps that follow comes nearer by a factor of four.
+        // After one step a face's centre stays, its edge points have height 3/4 over the other axis
+        // and the corners are at 5/9. The limit mask of a regular vertex, (16, 4, 1) / 36, then
+        // gives the height of the limit surface; each of the three steps that follow comes nearer
+        // by a factor of four.
         let limit = (16.0 + 4.0 * 4.0 * 0.75 + 4.0 * 5.0 / 9.0) / 36.0;
         let slack = (1.0 - limit) / 64.0 + 1e-12;
         let quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]];

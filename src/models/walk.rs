@@ -31,8 +31,8 @@ impl Walker {
         Self { mesh, cage, sampled }
     }
 
-    /// Where every vertex is after `cycles` cycles of two steps. `amount` leads from standing with the arms out (0) to the full stride with
-    /// the arms swinging at the sides (1).
+    /// Where every vertex is after `cycles` cycles of two steps. `amount` leads from standing with
+    /// the arms out (0) to the full stride with the arms swinging at the sides (1).
     pub fn positions(&self, cycles: f64, amount: f64) -> Vec<DVec3> {
         let body = stride(cycles, amount);
         self.sampled.positions(&BaseSurface::new(&self.cage.quads, &body.control_positions(&self.cage)))

@@ -1,8 +1,11 @@
-//! Aligning the embeddings of two surfaces: the scaling of one is done again, started from its image on the other.
+//! Aligning the embeddings of two surfaces: the scaling of one is done again, started from its
+//! image on the other.
 //!
-//! Surfaces that are bent alike only nearly have embeddings that are alike only nearly, and a map between them inherits the difference. Started from where the other surface's is, a scaling first
-//! mends what is most wrong: a few sweeps bring the distances of neighbours right and leave the rest where it agrees. More sweeps lead back to where the embedding was, since it is a minimum that
-//! does not depend on the start. Whether that makes the map better is asked of the anchors.
+//! Surfaces that are bent alike only nearly have embeddings that are alike only nearly, and a map
+//! between them inherits the difference. Started from where the other surface's is, a scaling first
+//! mends what is most wrong: a few sweeps bring the distances of neighbours right and leave the
+//! rest where it agrees. More sweeps lead back to where the embedding was, since it is a minimum
+//! that does not depend on the start. Whether that makes the map better is asked of the anchors.
 
 use std::time::Instant;
 
@@ -18,9 +21,11 @@ use crate::progress::{Progress, Quiet};
 
 /// Anchors without which nothing is learnt from those that are left out.
 const LEAST_ANCHORS: usize = 5;
-/// Standard errors that a gain has at least: the outermost anchors, left out, are missed by far with any embedding, and a few of them decide on the mean.
+/// Standard errors that a gain has at least: the outermost anchors, left out, are missed by far
+/// with any embedding, and a few of them decide on the mean.
 const LEAST_CERTAINTY: f64 = 2.0;
-/// Parts that the anchors are left out in, each anchor by itself if there are no more. With fewer parts what is known is so much less than all that an alignment looks better than it will be.
+/// Parts that the anchors are left out in, each anchor by itself if there are no more. With fewer
+/// parts what is known is so much less than all that an alignment looks better than it will be.
 const FOLDS: usize = 20;
 
 /// How embeddings are aligned, and when that counts.
@@ -28,14 +33,18 @@ const FOLDS: usize = 20;
 pub struct AlignmentOptions {
     /// What the target's embedding was made with.
     pub embedding: EmbeddingOptions,
-    /// How often the target is sent to the source and scaled again. Default 1: in what was measured a second time was no better (docs/methods.md).
+    /// How often the target is sent to the source and scaled again. Default 1: in what was measured
+    /// a second time was no better (docs/methods.md).
     pub rounds: usize,
-    /// Sweeps of each scaling, by majorisation alone. Default 3: more lose the agreement again before they gain anything (docs/methods.md).
+    /// Sweeps of each scaling, by majorisation alone. Default 3: more lose the agreement again
+    /// before they gain anything (docs/methods.md).
     pub sweeps: usize,
-    /// Whether the fields between are relaxed. Default true; as the field that is wanted in the end.
+    /// Whether the fields between are relaxed. Default true; as the field that is wanted in the
+    /// end.
     pub relax: bool,
-    /// The alignment is kept if anchors left out are missed by less than `1 - gain` times as much, and the difference is at least two standard errors. Default 0.05; minus infinity keeps it whatever
-    /// they say.
+    /// The alignment is kept if anchors left out are missed by less than `1 - gain` times as much,
+    /// and the difference is at least two standard errors. Default 0.05; minus infinity keeps it
+    /// whatever they say.
     pub gain: f64,
 }
 
@@ -48,7 +57,8 @@ impl Default for AlignmentOptions {
 /// What anchors left out say of an alignment.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct AlignmentReport {
-    /// Mean distance by which the field misses anchors it does not know, in space over the square root of the source's area.
+    /// Mean distance by which the field misses anchors it does not know, in space over the square
+    /// root of the source's area.
     pub before: f64,
     /// The same with embeddings that were aligned without these anchors.
     pub after: f64,
@@ -63,7 +73,8 @@ pub struct AlignmentReport {
 /// The result of [`align`].
 #[derive(Clone, Debug)]
 pub struct Alignment {
-    /// The target's embedding, beside the source's; `None` if that is no better than the one there is.
+    /// The target's embedding, beside the source's; `None` if that is no better than the one there
+    /// is.
     pub embedding: Option<Embedding>,
     /// Why.
     pub report: AlignmentReport,
@@ -71,18 +82,25 @@ pub struct Alignment {
 
 /// Aligns the target's embedding with the source's, for [`Method::Field`] through `anchors`.
 ///
-/// The field sends the landmarks of the target to the source; the scaling of the target starts again from where they are in the source's embedding, with the target's own distances, for a few
-/// sweeps, and the other vertices follow as a least-squares mesh. An anchor that took part in this is met better whether the alignment is right or not, so that leaving it out of the predictions
-/// alone flatters the alignment. Here one anchor (of more than twenty, a twentieth) at a time is left out of everything: alignment, predictions, relaxation. The field misses them by some distance with either embedding,
-/// and the alignment, then made with all anchors, is kept only if that is less by [`AlignmentOptions::gain`] and not by chance.
+/// The field sends the landmarks of the target to the source; the scaling of the target starts
+/// again from where they are in the source's embedding, with the target's own distances, for a few
+/// sweeps, and the other vertices follow as a least-squares mesh. An anchor that took part in this
+/// is met better whether the alignment is right or not, so that leaving it out of the predictions
+/// alone flatters the alignment. Here one anchor (of more than twenty, a twentieth) at a time is
+/// left out of everything: alignment, predictions, relaxation. The field misses them by some
+/// distance with either embedding, and the alignment, then made with all anchors, is kept only if
+/// that is less by [`AlignmentOptions::gain`] and not by chance.
 ///
-/// A component of the target whose landmarks go to several components of the source is scaled from where it was. Mirrored pairs need no care: distances do not know them. Deterministic for any
-/// number of threads. Costs the distances of the embedding once more, 21 times [`AlignmentOptions::rounds`] fields, scalings and least-squares meshes, and 40 fields.
+/// A component of the target whose landmarks go to several components of the source is scaled from
+/// where it was. Mirrored pairs need no care: distances do not know them. Deterministic for any
+/// number of threads. Costs the distances of the embedding once more, 21 times
+/// [`AlignmentOptions::rounds`] fields, scalings and least-squares meshes, and 40 fields.
 ///
 /// Source: the alignment is not in the paper; its authors embed every mesh by itself (section 3.5).
 ///
 /// # Errors
-/// [`Error::Input`] for fewer than five anchors, anchors that do not fit ([`AnchorPairs::check`]) and a target's embedding that [`Embedding::compute`] does not make of the target with these
+/// [`Error::Input`] for fewer than five anchors, anchors that do not fit ([`AnchorPairs::check`])
+/// and a target's embedding that [`Embedding::compute`] does not make of the target with these
 /// options ([`Rescaling::new`]); [`Error::Option`] for a gain of 1 or more.
 pub fn align(
     source: Shape<'_>,
@@ -204,7 +222,8 @@ impl Aligner<'_> {
         Ok(embedding)
     }
 
-    /// Where the landmarks of the target are in the source's embedding, in the target's units: a row for each.
+    /// Where the landmarks of the target are in the source's embedding, in the target's units: a
+    /// row for each.
     fn start(&self, map: &dyn PointMap) -> Result<Vec<f64>> {
         let (Some(onto), Some(of)) = (self.source.embedding, self.target.embedding) else {
             return Err(Error::input("an embedding is missing", "Compute the embeddings of both meshes first"));
@@ -267,7 +286,8 @@ mod tests {
         AnchorPairs { source: points(source), target: points(target) }
     }
 
-    /// How far the embeddings of surfaces of the same connectivity are from being congruent: rms distance after the best orthogonal map, over the rms distance from the middle.
+    /// How far the embeddings of surfaces of the same connectivity are from being congruent: rms
+    /// distance after the best orthogonal map, over the rms distance from the middle.
     fn disagreement(a: &Embedding, b: &Embedding) -> f64 {
         let points = |e: &Embedding| -> Vec<Vector<f64, 8>> {
             let all: Vec<Vector<f64, 8>> = e.points.chunks_exact(8).map(|y| std::array::from_fn(|k| y[k])).collect();
@@ -282,7 +302,8 @@ mod tests {
         (off / b.iter().map(|y| dot(y, y)).sum::<f64>()).sqrt()
     }
 
-    /// A lumpy body, and the same with a part of it reflected in a plane: bent, but to nobody on it.
+    /// A lumpy body, and the same with a part of it reflected in a plane: bent, but to nobody on
+    /// it.
     fn dented() -> [Mesh; 2] {
         let whole = lobed_sphere(4, 0.2);
         let mut dented = whole.clone();

@@ -42,7 +42,8 @@ impl AnchorPairs {
         self.source.is_empty()
     }
 
-    /// Checks that the pairs fit the two meshes and returns what is worth a warning (coincident anchors, components with no anchor).
+    /// Checks that the pairs fit the two meshes and returns what is worth a warning (coincident
+    /// anchors, components with no anchor).
     ///
     /// # Errors
     /// For no pairs, unequal counts, or a point that is not on its mesh.

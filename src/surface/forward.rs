@@ -1,4 +1,5 @@
-//! The forward problem for points anywhere on a surface: weighted averages of surface points (paper, section 3.3), in double precision.
+//! The forward problem for points anywhere on a surface: weighted averages of surface points
+//! (paper, section 3.3), in double precision.
 
 use crate::engine::Real;
 use crate::error::{Error, Result};
@@ -10,7 +11,8 @@ use super::project::{Found, Projection, SearchLimits};
 use super::vector::{Vector, add_scaled};
 use super::{NearestVertex, PhongSurface};
 
-/// A projection this many mean edges farther than `FARTHER` times the closest point is one onto another part of the surface.
+/// A projection this many mean edges farther than `FARTHER` times the closest point is one onto
+/// another part of the surface.
 const GUARD: f64 = 1.0;
 const FARTHER: f64 = 1.5;
 
@@ -21,7 +23,8 @@ pub enum Origin {
     Planar,
     /// The Phong projection of the average in the embedding (Definition 2).
     Projection,
-    /// The closest point of the embedded surface: there is no Phong projection near, as beyond the boundary of an open mesh.
+    /// The closest point of the embedded surface: there is no Phong projection near, as beyond the
+    /// boundary of an open mesh.
     Closest,
 }
 
@@ -32,7 +35,8 @@ pub struct Average {
     pub point: SurfacePoint,
     /// Where it comes from.
     pub origin: Origin,
-    /// Squared distance from the average in the embedding, in mean edges squared; 0 for planar averages.
+    /// Squared distance from the average in the embedding, in mean edges squared; 0 for planar
+    /// averages.
     pub distance_squared: f64,
 }
 
@@ -47,7 +51,8 @@ impl<const D: usize> Forward<D> {
     /// Prepares the surface of `shape`. O(F D + V log V).
     ///
     /// # Errors
-    /// [`Error::Input`] if the embedding is missing or not in D dimensions; as [`PhongSurface::new`].
+    /// [`Error::Input`] if the embedding is missing or not in D dimensions; as
+    /// [`PhongSurface::new`].
     pub fn new(shape: Shape<'_>) -> Result<Self> {
         let Some(embedding) = shape.embedding.filter(|e| e.dimension == D) else {
             return Err(Error::input("an embedding is missing", format!("Embed the mesh in {D} dimensions")));
@@ -67,10 +72,13 @@ impl<const D: usize> Forward<D> {
         self.surface.embed(p)
     }
 
-    /// A usable triangle that all points lie in, on its edges and corners included; the lowest one that the first point names or touches.
+    /// A usable triangle that all points lie in, on its edges and corners included; the lowest one
+    /// that the first point names or touches.
     ///
-    /// Within one triangle the embedding is linear, so an average with nonnegative weights lies *on* the embedded triangle: its Phong projection is itself, at distance zero,
-    /// which no other candidate of Definition 2 undercuts. The average is then the plain one of barycentric coordinates, without any iteration and exact to rounding.
+    /// Within one triangle the embedding is linear, so an average with nonnegative weights lies
+    /// *on* the embedded triangle: its Phong projection is itself, at distance zero, which no other
+    /// candidate of Definition 2 undercuts. The average is then the plain one of barycentric
+    /// coordinates, without any iteration and exact to rounding.
     pub fn common_face(&self, points: &[SurfacePoint]) -> Option<u32> {
         let first = points.first()?;
         let holds = |t: u32| points.iter().all(|p| self.coordinates_in(p, t).is_some());
@@ -100,10 +108,13 @@ impl<const D: usize> Forward<D> {
         Some(x)
     }
 
-    /// The point of a surface that a point of R^D stands for: its Phong projection, else the closest point.
+    /// The point of a surface that a point of R^D stands for: its Phong projection, else the
+    /// closest point.
     ///
-    /// With a triangle `start` near the result (a warm start: paper, section 3.3) the search begins there and takes about a microsecond; with [`NONE`] at the exactly nearest vertex. A projection much farther away than
-    /// the closest point lies on another part of the surface and does not count.
+    /// With a triangle `start` near the result (a warm start: paper, section 3.3) the search begins
+    /// there and takes about a microsecond; with [`NONE`] at the exactly nearest vertex. A
+    /// projection much farther away than the closest point lies on another part of the surface and
+    /// does not count.
     pub fn project(&self, mean: &Vector<f64, D>, start: u32) -> Average {
         let corners = if start == NONE {
             [self.nearest.find(mean), NONE, NONE]
@@ -130,7 +141,8 @@ impl<const D: usize> Forward<D> {
         Average { point, origin: Origin::Closest, distance_squared: c.distance_squared }
     }
 
-    /// The weighted average of surface points; the weights sum to one. `start` as for [`Self::project`].
+    /// The weighted average of surface points; the weights sum to one. `start` as for
+    /// [`Self::project`].
     ///
     /// Planar where all points of nonzero weight lie in one triangle and no weight is negative.
     pub fn average(&self, points: &[SurfacePoint], weights: &[f64], start: u32) -> Average {
@@ -165,7 +177,8 @@ impl AnyForward {
     /// Prepares the surface of `shape`.
     ///
     /// # Errors
-    /// [`Error::Input`] if the embedding is missing; [`Error::Option`] if it is in another dimension than 4, 8, 12 and 16; as [`Forward::new`].
+    /// [`Error::Input`] if the embedding is missing; [`Error::Option`] if it is in another
+    /// dimension than 4, 8, 12 and 16; as [`Forward::new`].
     pub fn new(shape: Shape<'_>) -> Result<Self> {
         Ok(match super::correspondence::dimension(&shape, &shape)? {
             4 => Self::Four(Box::new(Forward::new(shape)?)),

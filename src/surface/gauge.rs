@@ -1,4 +1,5 @@
-//! The matrices `G_k` that bring the six bases of a triangle as close together as possible (paper, eq. 10 and 12).
+//! The matrices `G_k` that bring the six bases of a triangle as close together as possible (paper,
+//! eq. 10 and 12).
 
 use super::psi::{Matrix2, Orthogonal2, times};
 use super::vector::{Vector, add_scaled, dot, scaled};
@@ -26,11 +27,14 @@ fn transpose(a: Matrix2<f64>) -> Matrix2<f64> {
     [a[0], a[2], a[1], a[3]]
 }
 
-/// `G_1..G_6` for the orthonormal tangent bases `T_1, T_2, T_3` of a triangle's vertices, with `E12 = I`.
+/// `G_1..G_6` for the orthonormal tangent bases `T_1, T_2, T_3` of a triangle's vertices, with `E12
+/// = I`.
 ///
-/// With `X12 = R12 T1 + T2` and its cyclic relatives the objective of eq. 12 is, up to constants, `-<E12 X12, E23 X23> - <E23 X23, E31 X31> - <E31 X31, E12
-/// X12>`, because `|A_k|` is constant and `E_ij` does not change the distance of its own pair. Fixing two matrices, the third is `Ort` of a sum of products
-/// of the 2x2 matrices `X_a X_b^T`. The start is independent of the bases chosen for the planes, and so is the result as a set of planes.
+/// With `X12 = R12 T1 + T2` and its cyclic relatives the objective of eq. 12 is, up to constants,
+/// `-<E12 X12, E23 X23> - <E23 X23, E31 X31> - <E31 X31, E12 X12>`, because `|A_k|` is constant and
+/// `E_ij` does not change the distance of its own pair. Fixing two matrices, the third is `Ort` of
+/// a sum of products of the 2x2 matrices `X_a X_b^T`. The start is independent of the bases chosen
+/// for the planes, and so is the result as a set of planes.
 pub fn gauge<const D: usize>(t: [&[Vector<f64, D>; 2]; 3]) -> [Orthogonal2<f64>; 6] {
     let [t1, t2, t3] = t;
     let r12 = Orthogonal2::nearest(cross(t2, t1));

@@ -8,9 +8,11 @@ use crate::geometry::Mesh;
 pub struct IdentityMap;
 
 impl IdentityMap {
-    /// Whether the map from `target` to `source` by these anchors is the identity: the same triangles with the same vertices at the same positions, and
-    /// anchors that are each their own partner. Texture coordinates may differ. Weighted averages take each point to itself then, up to
-    /// rounding (Panozzo et al. 2013, section 3: the forward problem undoes the inverse one). O(triangles + anchors).
+    /// Whether the map from `target` to `source` by these anchors is the identity: the same
+    /// triangles with the same vertices at the same positions, and anchors that are each their own
+    /// partner. Texture coordinates may differ. Weighted averages take each point to itself then,
+    /// up to rounding (Panozzo et al. 2013, section 3: the forward problem undoes the inverse one).
+    /// O(triangles + anchors).
     pub fn fits(source: &Mesh, target: &Mesh, anchors: &AnchorPairs) -> bool {
         anchors.source == anchors.target
             && source.positions == target.positions

@@ -36,7 +36,8 @@ impl<const D: usize> NearestVertex<D> {
         Self { tree: ImmutableKdTree::new_from_slice(&points), vertices }
     }
 
-    /// The nearest vertex, the lowest index of equally near ones; [`NONE`] for a point that is not finite.
+    /// The nearest vertex, the lowest index of equally near ones; [`NONE`] for a point that is not
+    /// finite.
     pub fn find<S: Real>(&self, y: &Vector<S, D>) -> u32 {
         let y = y.map(|x| x.to_f64());
         if !y.iter().all(|x| x.is_finite()) || self.vertices.is_empty() {
@@ -60,7 +61,8 @@ impl<const D: usize> NearestVertex<D> {
         found.into_iter().map(|f| f.1).collect()
     }
 
-    /// A nearest vertex, which of equally near ones is not told but always the same: less work than [`Self::find`]. [`NONE`] for a point that is not finite.
+    /// A nearest vertex, which of equally near ones is not told but always the same: less work than
+    /// [`Self::find`]. [`NONE`] for a point that is not finite.
     pub(crate) fn find_one(&self, y: &Vector<f64, D>) -> u32 {
         if !y.iter().all(|x| x.is_finite()) || self.vertices.is_empty() {
             return NONE;

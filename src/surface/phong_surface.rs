@@ -33,8 +33,9 @@ pub struct Triangle<S> {
 
 /// A triangle mesh in R^D with interpolated tangent planes (paper, section 3.2).
 ///
-/// Points are centred and divided by the mean embedded edge length in double precision before they are rounded to `S`, so that every length inside is
-/// in mean edges and single precision is used fully.
+/// Points are centred and divided by the mean embedded edge length in double precision before they
+/// are rounded to `S`, so that every length inside is in mean edges and single precision is used
+/// fully.
 #[derive(Clone, Debug)]
 pub struct PhongSurface<S, const D: usize> {
     /// Vertices, one per vertex of the mesh; unused ones lie at the centre.
@@ -56,7 +57,8 @@ pub struct PhongSurface<S, const D: usize> {
 }
 
 impl<S: Real, const D: usize> PhongSurface<S, D> {
-    /// The surface of an embedding: `points` has one row of `D` numbers per vertex, NaN where unused. O(F D).
+    /// The surface of an embedding: `points` has one row of `D` numbers per vertex, NaN where
+    /// unused. O(F D).
     ///
     /// # Errors
     /// If a used vertex has a point that is not finite, or no triangle is usable.

@@ -1,4 +1,5 @@
-//! Phong projection onto a surface: the forward problem's search (paper, section 3.3, Definition 2).
+//! Phong projection onto a surface: the forward problem's search (paper, section 3.3, Definition
+//! 2).
 
 use crate::engine::Real;
 use crate::geometry::NONE;
@@ -50,7 +51,8 @@ impl SearchLimits {
     pub const SECOND: Self = Self { vertex_steps: 4096, triangle_steps: 12, triangles: 2048 };
 }
 
-/// Barycentric distance outside a triangle at which the walk crosses the edge without waiting for Newton's method to converge.
+/// Barycentric distance outside a triangle at which the walk crosses the edge without waiting for
+/// Newton's method to converge.
 pub const WALK_PATIENCE: f64 = 0.35;
 /// The same for the search, which must not miss a root.
 pub const SEARCH_PATIENCE: f64 = 2.0;
@@ -60,7 +62,8 @@ fn centroid<S: Real>() -> [S; 3] {
 }
 
 impl<S: Real, const D: usize> PhongSurface<S, D> {
-    /// The vertex of `starts` nearest to `mean`; the earliest one on ties. [`NONE`] entries are passed over.
+    /// The vertex of `starts` nearest to `mean`; the earliest one on ties. [`NONE`] entries are
+    /// passed over.
     #[inline]
     pub fn nearest_of(&self, mean: &Vector<S, D>, starts: &[u32]) -> u32 {
         let mut best = (S::HUGE, NONE);
@@ -73,8 +76,8 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
         best.1
     }
 
-    /// Greedy walk over edges to a vertex no farther from `mean` than all its neighbours: each step goes to the nearest neighbour,
-    /// the lowest index on ties.
+    /// Greedy walk over edges to a vertex no farther from `mean` than all its neighbours: each step
+    /// goes to the nearest neighbour, the lowest index on ties.
     pub fn walk_vertices(&self, mean: &Vector<S, D>, start: u32, steps: u32) -> u32 {
         let mut v = start;
         let mut d = distance_squared(&self.vertices[v as usize].y, mean);
@@ -94,7 +97,8 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
         v
     }
 
-    /// The triangle around `v` whose other two vertices are nearest to `mean` (sum of squared distances), the lowest on ties.
+    /// The triangle around `v` whose other two vertices are nearest to `mean` (sum of squared
+    /// distances), the lowest on ties.
     fn facing_triangle(&self, mean: &Vector<S, D>, v: u32) -> u32 {
         let mut best = (S::HUGE, NONE);
         for &t in self.fan(v) {
@@ -116,7 +120,8 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
         Projection { face, x, distance_squared: distance_squared(&y, mean), found }
     }
 
-    /// Barycentric walk: Newton's method in a triangle, then across the edge opposite to the most negative coordinate, until a root lies inside.
+    /// Barycentric walk: Newton's method in a triangle, then across the edge opposite to the most
+    /// negative coordinate, until a root lies inside.
     #[inline(always)]
     fn walk_triangles(&self, mean: &Vector<S, D>, start: u32, steps: u32) -> Option<Projection<S>> {
         let (mut t, mut previous) = (start, NONE);
@@ -141,12 +146,14 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
         None
     }
 
-    /// Phong projection of `mean` by local search from the nearest of the `starts` vertices: walk over vertices, barycentric walk over triangles,
-    /// breadth-first search. Where nothing is found within `limits`, the nearest point of the fan of the last vertex is the best guess, marked
+    /// Phong projection of `mean` by local search from the nearest of the `starts` vertices: walk
+    /// over vertices, barycentric walk over triangles, breadth-first search. Where nothing is found
+    /// within `limits`, the nearest point of the fan of the last vertex is the best guess, marked
     /// [`Found::Nothing`].
     ///
-    /// This is what the kernel `project_phong` computes. It may differ from [`PhongSurface::project_exhaustive`] where several projections are
-    /// nearly as close; then the average itself is ambiguous (paper, section 3.3).
+    /// This is what the kernel `project_phong` computes. It may differ from
+    /// [`PhongSurface::project_exhaustive`] where several projections are nearly as close; then the
+    /// average itself is ambiguous (paper, section 3.3).
     pub fn project(&self, mean: &Vector<S, D>, starts: &[u32], limits: SearchLimits) -> Projection<S> {
         let nowhere = Projection { face: NONE, x: centroid(), distance_squared: S::HUGE, found: Found::Nothing };
         if !mean.iter().all(|x| x.finite()) {
@@ -180,8 +187,9 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
         }
     }
 
-    /// The barycentric walk from triangle `start`, if it ends at a projection no farther away than any of the vertices `bounds`: the usual case when both are images of
-    /// points nearby. `None` sends the caller to [`PhongSurface::project`].
+    /// The barycentric walk from triangle `start`, if it ends at a projection no farther away than
+    /// any of the vertices `bounds`: the usual case when both are images of points nearby. `None`
+    /// sends the caller to [`PhongSurface::project`].
     #[inline(always)]
     pub fn project_from(&self, mean: &Vector<S, D>, start: u32, bounds: &[u32]) -> Option<Projection<S>> {
         if start == NONE || !mean.iter().all(|x| x.finite()) {
@@ -194,10 +202,12 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
             .then_some(p)
     }
 
-    /// Projects an average whose neighbours went near the triangle `start` and the vertices `starts`.
+    /// Projects an average whose neighbours went near the triangle `start` and the vertices
+    /// `starts`.
     ///
-    /// Nearly always the barycentric walk from the triangle ends at a projection that is nearer than the vertices; else these start the search, and a second, longer one for
-    /// what that leaves.
+    /// Nearly always the barycentric walk from the triangle ends at a projection that is nearer
+    /// than the vertices; else these start the search, and a second, longer one for what that
+    /// leaves.
     #[inline(always)]
     pub fn project_near(&self, mean: &Vector<S, D>, start: u32, starts: &[u32; 3]) -> Projection<S> {
         if let Some(p) = self.project_from(mean, start, starts) {
@@ -210,7 +220,8 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
         first
     }
 
-    /// The vertex `v` itself, as a point of its lowest triangle: the best guess where no projection was found.
+    /// The vertex `v` itself, as a point of its lowest triangle: the best guess where no projection
+    /// was found.
     fn guess(&self, mean: &Vector<S, D>, v: u32) -> Projection<S> {
         let Some(&t) = self.fan(v).first() else {
             return Projection { face: NONE, x: centroid(), distance_squared: S::HUGE, found: Found::Nothing };
@@ -219,7 +230,8 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
         self.candidate(mean, t, x, Found::Nothing)
     }
 
-    /// Definition 2 by brute force: Newton's method on every usable triangle, the closest root of all, the lowest triangle on ties. O(F).
+    /// Definition 2 by brute force: Newton's method on every usable triangle, the closest root of
+    /// all, the lowest triangle on ties. O(F).
     pub fn project_exhaustive(&self, mean: &Vector<S, D>) -> Option<Projection<S>> {
         let mut best: Option<Projection<S>> = None;
         for t in (0..self.triangles.len() as u32).filter(|&t| self.usable[t as usize]) {

@@ -1,15 +1,17 @@
-//! The interpolated tangent plane Psi of a triangle (paper, section 3.2, eq. 10-12) and Newton's method on it.
+//! The interpolated tangent plane Psi of a triangle (paper, section 3.2, eq. 10-12) and Newton's
+//! method on it.
 //!
-//! With `A_k` the six bases of eq. 12 and `s = x1 x2 + x2 x3 + x3 x1`, eq. 11 is a convex combination of them:
+//! With `A_k` the six bases of eq. 12 and `s = x1 x2 + x2 x3 + x3 x1`, eq. 11 is a convex
+//! combination of them:
 //!
 //! ```text
 //! Psi(x) = sum c_k A_k,   c_k = m_k / s,   sum c_k = 1,   h = x1 x2 x3 / 2
 //! m = (x1^2 x2 + h, x1 x2^2 + h, x2^2 x3 + h, x2 x3^2 + h, x3^2 x1 + h, x3 x1^2 + h)
 //! ```
 //!
-//! Every `A_k = G_k T_i(k)` is one of the three vertex bases turned or mirrored in its plane by `G_k` in O(2), i = (1, 2, 2, 3, 3, 1). The
-//! division by `s` stays inside the iteration: the polynomial `s Psi` vanishes at all three vertices and would have spurious
-//! roots there.
+//! Every `A_k = G_k T_i(k)` is one of the three vertex bases turned or mirrored in its plane by
+//! `G_k` in O(2), i = (1, 2, 2, 3, 3, 1). The division by `s` stays inside the iteration: the
+//! polynomial `s Psi` vanishes at all three vertices and would have spurious roots there.
 
 use crate::engine::Real;
 
@@ -18,7 +20,8 @@ use super::vector::{Vector, dot, sub};
 /// The corner whose tangent basis `A_k` is made of.
 pub const CORNER_OF_BASIS: [usize; 6] = [0, 1, 1, 2, 2, 0];
 
-/// An element of O(2): the matrix `[[c, -f s], [s, f c]]`, a rotation for `f = 1`, a reflection for `f = -1`.
+/// An element of O(2): the matrix `[[c, -f s], [s, f c]]`, a rotation for `f = 1`, a reflection for
+/// `f = -1`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orthogonal2<S> {
     /// Cosine.
@@ -36,8 +39,9 @@ impl<S: Real> Orthogonal2<S> {
     /// The identity.
     pub const IDENTITY: Self = Self { c: S::ONE, s: S::ZERO, f: S::ONE };
 
-    /// `Ort(A)`, the nearest element of O(2) to `A` in the Frobenius norm (eq. 10), in closed form: the nearest rotation where `det A >= 0`,
-    /// else the nearest reflection; the identity for `A = 0`.
+    /// `Ort(A)`, the nearest element of O(2) to `A` in the Frobenius norm (eq. 10), in closed form:
+    /// the nearest rotation where `det A >= 0`, else the nearest reflection; the identity for `A =
+    /// 0`.
     pub fn nearest(a: Matrix2<S>) -> Self {
         let [a, b, c, d] = a;
         let f = if a * d - b * c >= S::ZERO { S::ONE } else { -S::ONE };
@@ -84,8 +88,8 @@ pub fn times<S: Real>(a: Matrix2<S>, b: Matrix2<S>) -> Matrix2<S> {
     [a[0] * b[0] + a[1] * b[2], a[0] * b[1] + a[1] * b[3], a[2] * b[0] + a[3] * b[2], a[2] * b[1] + a[3] * b[3]]
 }
 
-/// `c_k` at barycentric coordinates `x`. At a vertex, where they depend on the direction of approach but the plane does not, both bases of
-/// the vertex get one half.
+/// `c_k` at barycentric coordinates `x`. At a vertex, where they depend on the direction of
+/// approach but the plane does not, both bases of the vertex get one half.
 #[inline(always)]
 pub fn coefficients<S: Real>(x: &[S; 3]) -> [S; 6] {
     let s = x[0] * x[1] + x[1] * x[2] + x[2] * x[0];
@@ -117,8 +121,8 @@ fn weights<S: Real>(x: &[S; 3]) -> [S; 6] {
     ]
 }
 
-/// `s` below which a point counts as a vertex: `s` is about the distance to the vertex in barycentric units, and the quotients `m_k / s` lose
-/// `EPSILON / s` of their value.
+/// `s` below which a point counts as a vertex: `s` is about the distance to the vertex in
+/// barycentric units, and the quotients `m_k / s` lose `EPSILON / s` of their value.
 #[inline(always)]
 pub fn at_vertex<S: Real>() -> S {
     S::of(8.0) * S::EPSILON
@@ -155,19 +159,20 @@ pub enum Root<S> {
     Outside([S; 3]),
 }
 
-/// How far outside a triangle a root may lie and still count as on its edge: without it, roots on edges fall between two triangles. It bounds the
-/// rounding of a root of a well-conditioned triangle and is far below a texel.
+/// How far outside a triangle a root may lie and still count as on its edge: without it, roots on
+/// edges fall between two triangles. It bounds the rounding of a root of a well-conditioned
+/// triangle and is far below a texel.
 #[inline(always)]
 pub fn slack<S: Real>() -> S {
-    // 1e-4 in single, 1e-9 in double precision (the values of the prototype's study), as one function of the precision.
+    // 1e-4 in single, 1e-9 in double precision (the values of the prototype's study), as one
+    // function of the precision.
     if S::EPSILON > S::of(1e-10) { S::of(1e-4) } else { S::of(1e-9) }
 }
 
 /// How far a point given to be projected may be off, in units in the last place of its largest
-/// coordinate: its coordinates, those
-/// of the vertices and their combination are rounded by half a unit each, and the length of a
-/// vector of sixteen such errors is
-/// four times as large: `3 / 2 * sqrt(16)`.
+/// coordinate: its coordinates, those of the vertices and their combination are rounded by half a
+/// unit each, and the length of a vector of sixteen such errors is four times as large: `3 / 2 *
+/// sqrt(16)`.
 const ROUNDING: f64 = 6.0;
 
 /// Steps after which Newton's method is given up; three or four are usual.
@@ -190,16 +195,15 @@ impl<S: Real, const D: usize> TangentTriangle<'_, S, D> {
     /// Phong projection of `mean` onto the triangle by Newton's method (eq. 7 and 8), from the
     /// projection onto the flat triangle.
     ///
-    /// In two unknowns: `f = Psi (sum x_j v_j - ybar) = sum_k c_k u_k` with `u_k = G_k p_i(k)`, `p_i = T_i (sum_j x_j v_j - ybar)`, and its analytic Jacobian.
-    /// `patience` is the barycentric distance outside the triangle at which the iteration is given
-    /// up. About 520 flops to
-    /// set up and 300 per step.
+    /// In two unknowns: `f = Psi (sum x_j v_j - ybar) = sum_k c_k u_k` with `u_k = G_k p_i(k)`,
+    /// `p_i = T_i (sum_j x_j v_j - ybar)`, and its analytic Jacobian. `patience` is the barycentric
+    /// distance outside the triangle at which the iteration is given up. About 520 flops to set up
+    /// and 300 per step.
     ///
     /// Near a vertex `f` is nearly homogeneous in the offset from it, so that a step from afar
     /// lands about the square of its length beside the root, on either side of the vertex. Beyond
-    /// the vertex
-    /// `s` is negative and Psi as smooth as before it: the iteration goes on there and comes back.
-    /// Only on the pole itself, `s = 0`, there is no next step.
+    /// the vertex `s` is negative and Psi as smooth as before it: the iteration goes on there and
+    /// comes back. Only on the pole itself, `s = 0`, there is no next step.
     pub fn project(&self, mean: &Vector<S, D>, patience: S) -> Root<S> {
         let (p, mut x) = self.tangential(mean);
         let tolerance = S::of(8.0) * S::EPSILON;
@@ -242,7 +246,8 @@ impl<S: Real, const D: usize> TangentTriangle<'_, S, D> {
             1 => [p.offset[1][0] + e1[0], p.offset[1][1] + e1[1]],
             _ => p.offset[2],
         };
-        // Edges as seen in the vertex's tangent plane give the scale; the slack is the one of edges.
+        // Edges as seen in the vertex's tangent plane give the scale; the slack is the one of
+        // edges.
         let most = (slack::<S>() * size(e0).maximum(size(e1))).maximum(p.rounding);
         let mut e = [S::ZERO; 3];
         e[i] = S::ONE;
@@ -251,9 +256,10 @@ impl<S: Real, const D: usize> TangentTriangle<'_, S, D> {
 
     /// One Newton step `(dx1, dx2)`; `None` where the Jacobian is singular.
     ///
-    /// With `m_k` the numerators of `c_k` and `H_i` the sum of `c_k G_k` over the two bases of corner `i`, the derivative by `x_l` (the coordinates taken as independent) is
-    /// `(sum_k dm_kl u_k - f ds_l) / s + sum_i H_i T_i v_l`. Each `dm_kl` is one of three common terms (the derivatives of `h`) plus, for four of the six bases, a square or twice
-    /// a product.
+    /// With `m_k` the numerators of `c_k` and `H_i` the sum of `c_k G_k` over the two bases of
+    /// corner `i`, the derivative by `x_l` (the coordinates taken as independent) is `(sum_k dm_kl
+    /// u_k - f ds_l) / s + sum_i H_i T_i v_l`. Each `dm_kl` is one of three common terms (the
+    /// derivatives of `h`) plus, for four of the six bases, a square or twice a product.
     #[inline(always)]
     fn newton_step(&self, p: &Tangential<S>, x: &[S; 3]) -> Option<[S; 2]> {
         let [x1, x2, x3] = *x;
@@ -350,9 +356,8 @@ impl<S: Real, const D: usize> TangentTriangle<'_, S, D> {
 
 /// Where Newton's method starts, from the two edges `v_l - v_3` and `v_3 - ybar`: the orthogonal
 /// projection of `ybar` onto the flat triangle. A point of the surface is that already, and near a
-/// vertex it is
-/// as far from it as the root is, up to a constant. Outside coordinates are reflected into the
-/// triangle, which keeps that distance; where the flat triangle has no area, its centre.
+/// vertex it is as far from it as the root is, up to a constant. Outside coordinates are reflected
+/// into the triangle, which keeps that distance; where the flat triangle has no area, its centre.
 #[inline(always)]
 fn start<S: Real, const D: usize>([e, f]: &[Vector<S, D>; 2], d: &Vector<S, D>) -> [S; 3] {
     let (ee, ef, ff) = (dot(e, e), dot(e, f), dot(f, f));
@@ -370,9 +375,8 @@ fn start<S: Real, const D: usize>([e, f]: &[Vector<S, D>; 2], d: &Vector<S, D>) 
 
 /// Accepts coordinates that lie outside by no more than the slack, or than a length that rounding
 /// leaves open: on a triangle of a hundredth of an edge the slack is less than that, and where
-/// triangles fold over one
-/// another at a vertex, a rounded point beside them would belong to none. They are clamped to the
-/// triangle.
+/// triangles fold over one another at a vertex, a rounded point beside them would belong to none.
+/// They are clamped to the triangle.
 #[inline(always)]
 fn inside_or_not<S: Real>(x: [S; 3], p: &Tangential<S>) -> Root<S> {
     let inside = x.map(|v| v.maximum(S::ZERO));

@@ -4,10 +4,12 @@ use glam::DVec3;
 
 use crate::geometry::{Mesh, SurfacePoint, Topology};
 
-/// Distortion of a map given by the images of the target's vertices, measured per triangle of the target.
+/// Distortion of a map given by the images of the target's vertices, measured per triangle of the
+/// target.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Distortion {
-    /// Symmetrised L2 stretch efficiency over all mapped triangles, 1/sym: 1 for an isometry, 0 if a triangle collapses.
+    /// Symmetrised L2 stretch efficiency over all mapped triangles, 1/sym: 1 for an isometry, 0 if
+    /// a triangle collapses.
     pub stretch_all: f64,
     /// The same over the best 95 % of the area.
     pub stretch_best95: f64,
@@ -19,11 +21,14 @@ pub struct Distortion {
     pub mapped_faces: usize,
 }
 
-/// Distortion of the map that takes vertex `v` of `target` to `images[v]` in space, on a source with outward normals `normals[v]` at the images.
+/// Distortion of the map that takes vertex `v` of `target` to `images[v]` in space, on a source
+/// with outward normals `normals[v]` at the images.
 ///
-/// With both surfaces scaled to equal area and singular values `G >= g` of a triangle's affine map, the stretch is
-/// `ab = mean of (G^2 + g^2)/2` weighted with target areas, `ba = mean of (1/G^2 + 1/g^2)/2` weighted with image areas, and the efficiency is `1/sym`, `sym = (ab +
-/// ba)/2` (the reading of Schreiner et al. 2004 that all our figures use; the published normalisation could not be verified). A triangle is flipped if its image's normal opposes the mean of the source's
+/// With both surfaces scaled to equal area and singular values `G >= g` of a triangle's affine map,
+/// the stretch is `ab = mean of (G^2 + g^2)/2` weighted with target areas, `ba = mean of (1/G^2 +
+/// 1/g^2)/2` weighted with image areas, and the efficiency is `1/sym`, `sym = (ab + ba)/2` (the
+/// reading of Schreiner et al. 2004 that all our figures use; the published normalisation could not
+/// be verified). A triangle is flipped if its image's normal opposes the mean of the source's
 /// normals there; mirrored maps are recognised by the majority of area. O(F log F).
 pub fn distortion(
     target: &Mesh,

@@ -1,4 +1,5 @@
-//! Breadth-first search for a Phong projection, and the bound that keeps it from looking closely at hopeless triangles.
+//! Breadth-first search for a Phong projection, and the bound that keeps it from looking closely at
+//! hopeless triangles.
 
 use std::cell::RefCell;
 
@@ -11,9 +12,10 @@ use super::vector::{Vector, distance_squared, dot, sub};
 
 /// What is known of all planes and points of a triangle at once.
 ///
-/// On the triangle, Psi is a convex combination of the six bases `A_k` (see [`super::psi`]), so with `B` their mean its distance from `B` is
-/// at most `spread = max |A_k - B|`. At a root `Psi r = 0` with `r = x - ybar`, hence `|B r| <= spread |r|`; with the triangle within
-/// `radius` of its centre `c`,
+/// On the triangle, Psi is a convex combination of the six bases `A_k` (see [`super::psi`]), so
+/// with `B` their mean its distance from `B` is at most `spread = max |A_k - B|`. At a root `Psi r
+/// = 0` with `r = x - ybar`, hence `|B r| <= spread |r|`; with the triangle within `radius` of its
+/// centre `c`,
 ///
 /// `|B (c - ybar)| <= |B| radius + spread (|c - ybar| + radius)`.
 ///
@@ -28,7 +30,8 @@ pub struct TriangleBound<S, const D: usize> {
     pub(super) spread: S,
 }
 
-/// Widens the bound: far more than single precision rounds and than [`super::psi::slack`] lets roots lie outside.
+/// Widens the bound: far more than single precision rounds and than [`super::psi::slack`] lets
+/// roots lie outside.
 const MARGIN: f64 = 1.01;
 
 /// The largest singular value of two rows.
@@ -102,8 +105,9 @@ impl Marks {
 }
 
 impl<S: Real, const D: usize> PhongSurface<S, D> {
-    /// Breadth-first search over triangles that share a vertex, level by level from the fan of `v`: the nearest root of the first
-    /// level that has one (lowest triangle on ties). At most `cap` triangles are looked at, a level is always finished.
+    /// Breadth-first search over triangles that share a vertex, level by level from the fan of `v`:
+    /// the nearest root of the first level that has one (lowest triangle on ties). At most `cap`
+    /// triangles are looked at, a level is always finished.
     pub(super) fn search(&self, mean: &Vector<S, D>, v: u32, cap: u32) -> Option<Projection<S>> {
         MARKS.with_borrow_mut(|marks| self.search_marked(mean, v, cap, marks))
     }
@@ -131,7 +135,8 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
         found
     }
 
-    /// Visits the levels of triangles around `v` until `stop` says so, or `cap` triangles were passed to it.
+    /// Visits the levels of triangles around `v` until `stop` says so, or `cap` triangles were
+    /// passed to it.
     fn levels(&self, v: u32, cap: u32, marks: &mut Marks, mut stop: impl FnMut(&[u32]) -> bool) {
         marks.begin(self.triangles.len(), self.vertices.len());
         let Marks { round, triangles, vertices, level, next } = marks;
@@ -159,8 +164,8 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
         }
     }
 
-    /// Appends the triangles that a search from `v` capped at `cap` passes, the first of each level marked by
-    /// [`NEW_LEVEL`]: the order in which a kernel looks at them.
+    /// Appends the triangles that a search from `v` capped at `cap` passes, the first of each level
+    /// marked by [`NEW_LEVEL`]: the order in which a kernel looks at them.
     pub(super) fn neighbourhood(&self, v: u32, cap: u32, out: &mut Vec<u32>) {
         MARKS.with_borrow_mut(|marks| {
             self.levels(v, cap, marks, |level| {

@@ -1,4 +1,5 @@
-//! The inverse and the forward problem on one surface (paper, sections 3.3 and 3.4), in double precision.
+//! The inverse and the forward problem on one surface (paper, sections 3.3 and 3.4), in double
+//! precision.
 
 use rayon::prelude::*;
 
@@ -67,7 +68,8 @@ impl WeightedPoints {
         }))
     }
 
-    /// The inverse problem (eq. 13): a row of weights per point, one per anchor, summing to one. O(points x anchors x D).
+    /// The inverse problem (eq. 13): a row of weights per point, one per anchor, summing to one.
+    /// O(points x anchors x D).
     ///
     /// # Errors
     /// If a point is not on the mesh.
@@ -88,7 +90,8 @@ impl WeightedPoints {
     /// exactly nearest vertex and from the heaviest anchor.
     ///
     /// # Errors
-    /// If a row has another number of weights than there are anchors, or does not sum to one within 1e-6.
+    /// If a row has another number of weights than there are anchors, or does not sum to one within
+    /// 1e-6.
     pub fn averages(&self, weights: &[Vec<f64>]) -> Result<Vec<AveragePoint>> {
         for (i, row) in weights.iter().enumerate() {
             let sum: f64 = row.iter().sum();
@@ -115,8 +118,7 @@ impl<const D: usize> Solver<D> {
 
     /// The projection of an average: the closer of what is found from the nearest vertex and from
     /// the anchor that weighs most (paper, section 3.3). Where the surface is crumpled, the nearest
-    /// vertex of
-    /// a point need not belong to its triangle.
+    /// vertex of a point need not belong to its triangle.
     fn average(&self, row: &[f64]) -> Projection<f64> {
         let mean = row.iter().zip(&self.anchors).fold([0.0; D], |sum, (&w, a)| add_scaled(&sum, w, a));
         let found = self.surface.project(&mean, &[self.nearest.find(&mean)], SearchLimits::SECOND);

@@ -1,4 +1,5 @@
-//! Weighted averages of surface points in batches: every average of a few points of a list, as subdivision and smoothing take them.
+//! Weighted averages of surface points in batches: every average of a few points of a list, as
+//! subdivision and smoothing take them.
 
 use rayon::prelude::*;
 
@@ -8,10 +9,12 @@ use crate::geometry::{NONE, SurfacePoint};
 
 /// Averages computed by one task.
 const CHUNK: usize = 256;
-/// Points farther than this, in mean edges, from the one a search would begin at are averaged by a search over the whole surface.
+/// Points farther than this, in mean edges, from the one a search would begin at are averaged by a
+/// search over the whole surface.
 const FAR: f64 = 8.0;
 
-/// Weighted averages of points of a list: a row each, of entries with weights and of the row's own point, which has the rest of the weight and near which a search begins.
+/// Weighted averages of points of a list: a row each, of entries with weights and of the row's own
+/// point, which has the rest of the weight and near which a search begins.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stencils {
     start: Vec<u32>,
@@ -64,7 +67,8 @@ impl Stencils {
 }
 
 impl<const D: usize> Forward<D> {
-    /// The averages of all rows, in parallel. Each search begins at the row's own point, or where that is far off everywhere. O(rows).
+    /// The averages of all rows, in parallel. Each search begins at the row's own point, or where
+    /// that is far off everywhere. O(rows).
     ///
     /// The same, bit for bit, as [`Self::average_row`] for each row, for any number of threads.
     pub fn averages(&self, points: &[SurfacePoint], rows: &Stencils) -> Vec<Average> {
@@ -72,7 +76,8 @@ impl<const D: usize> Forward<D> {
         (0..rows.len()).into_par_iter().with_min_len(CHUNK).map(|r| self.row(points, &embedded, rows, r)).collect()
     }
 
-    /// Whether an entry of some row is so far from the row's own point that its average is searched on the whole surface.
+    /// Whether an entry of some row is so far from the row's own point that its average is searched
+    /// on the whole surface.
     pub fn reaches_far(&self, points: &[SurfacePoint], rows: &Stencils) -> bool {
         (0..rows.len()).into_par_iter().with_min_len(CHUNK).any(|r| {
             let (own, entries, _) = rows.row(r);

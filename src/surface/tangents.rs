@@ -1,5 +1,5 @@
-//! Tangent planes of an embedded mesh at its vertices: limit stencils of Loop subdivision (paper, section 3.2), with the boundary rules of
-//! Hoppe et al. 1994.
+//! Tangent planes of an embedded mesh at its vertices: limit stencils of Loop subdivision (paper,
+//! section 3.2), with the boundary rules of Hoppe et al. 1994.
 
 use std::f64::consts::PI;
 
@@ -9,13 +9,14 @@ use crate::geometry::Topology;
 
 use super::vector::{Vector, add_scaled, dot, scaled, sub};
 
-/// Below this sine of the angle between the two stencil vectors, or this length relative to the longest ring edge, a stencil is degenerate.
+/// Below this sine of the angle between the two stencil vectors, or this length relative to the
+/// longest ring edge, a stencil is degenerate.
 const DEGENERATE: f64 = 1e-3;
 
 /// Orthonormal bases (two rows) of the tangent planes at all vertices; O(n D).
 ///
-/// A vertex whose triangles form no single fan, or whose stencil degenerates, gets the two main directions of its neighbours instead; a vertex without
-/// neighbours gets the first two axes.
+/// A vertex whose triangles form no single fan, or whose stencil degenerates, gets the two main
+/// directions of its neighbours instead; a vertex without neighbours gets the first two axes.
 pub fn vertex_tangents<const D: usize>(topology: &Topology, points: &[Vector<f64, D>]) -> Vec<[Vector<f64, D>; 2]> {
     use rayon::prelude::*;
     (0..points.len()).into_par_iter().map(|v| vertex_tangent(topology, points, v as u32)).collect()

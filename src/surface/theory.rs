@@ -1,4 +1,5 @@
-//! Tests of what the paper proves about Phong projection and its interpolated planes (section 3.2), on surfaces that bend in R^8.
+//! Tests of what the paper proves about Phong projection and its interpolated planes (section 3.2),
+//! on surfaces that bend in R^8.
 
 use super::PhongSurface;
 use super::average::orthonormalise;
@@ -9,7 +10,8 @@ use crate::engine::Real;
 use crate::geometry::{Mesh, NONE, Topology};
 use crate::models::shapes::{Diagonal, Random, irregular_plane, lobed_sphere, plane_grid, tube};
 
-/// A mesh lifted smoothly to R^8: space in the first three coordinates, quadratic bumps in the others.
+/// A mesh lifted smoothly to R^8: space in the first three coordinates, quadratic bumps in the
+/// others.
 pub(super) fn lift(mesh: &Mesh) -> Vec<f64> {
     mesh.positions
         .iter()
@@ -42,7 +44,8 @@ fn barycentric(rng: &mut Random) -> [f64; 3] {
     if a + b > 1.0 { [1.0 - a, 1.0 - b, a + b - 1.0] } else { [a, b, 1.0 - a - b] }
 }
 
-/// `rows` spans the plane of the orthonormal `basis`: nothing is left after projecting each row onto it.
+/// `rows` spans the plane of the orthonormal `basis`: nothing is left after projecting each row
+/// onto it.
 fn same_plane(rows: &[Vector<f64, 8>; 2], basis: &[Vector<f64, 8>; 2], tolerance: f64) -> bool {
     orthonormalise(*rows).iter().all(|r| {
         let rest = add_scaled(&add_scaled(r, -dot(r, &basis[0]), &basis[0]), -dot(r, &basis[1]), &basis[1]);
@@ -153,7 +156,8 @@ fn planes_at_vertices_are_the_vertices_own() {
 
 #[test]
 fn every_vertex_is_found_from_every_triangle_around_it() {
-    // Newton's method comes to a vertex from any side, also from beyond it, where Psi is not defined.
+    // Newton's method comes to a vertex from any side, also from beyond it, where Psi is not
+    // defined.
     for mesh in [lobed_sphere(3, 0.4), irregular_plane(12, 12, 1.0, 1.0, Diagonal::Alternating, 0.45, 3)] {
         let s = surface(&mesh);
         let single = s.cast::<f32>();
@@ -249,7 +253,8 @@ fn nothing_depends_on_the_bases_chosen_for_the_planes() {
 
 #[test]
 fn the_jacobian_is_the_derivative() {
-    // Newton's method converges quadratically only with the true Jacobian: from 1/3 each, four steps reach rounding.
+    // Newton's method converges quadratically only with the true Jacobian: from 1/3 each, four
+    // steps reach rounding.
     let s = surface(&lobed_sphere(3, 0.3));
     let mut rng = Random::new(7);
     for _ in 0..300 {

@@ -31,8 +31,8 @@ pub fn scaled<S: Real, const D: usize>(s: S, a: &Vector<S, D>) -> Vector<S, D> {
     a.map(|x| s * x)
 }
 
-/// Scalar product, summed in four chains and then pairwise: the same order as the kernels' `vec4` form allows, and one that
-/// vectorises without reassociation.
+/// Scalar product, summed in four chains and then pairwise: the same order as the kernels' `vec4`
+/// form allows, and one that vectorises without reassociation.
 #[inline(always)]
 pub fn dot<S: Real, const D: usize>(a: &Vector<S, D>, b: &Vector<S, D>) -> S {
     let mut acc = [S::ZERO; 4];

@@ -10,7 +10,8 @@ use super::vertex_map::vertex_map;
 /// How well a set of anchors covers a surface.
 #[derive(Clone, Debug)]
 pub struct Cover {
-    /// For each vertex the distance, in mean edges, between it and where inverse and forward problem lead back to; infinite where nothing was found.
+    /// For each vertex the distance, in mean edges, between it and where inverse and forward
+    /// problem lead back to; infinite where nothing was found.
     pub round_trip: Vec<f64>,
     /// Share of the area whose vertices all return within one mean edge.
     pub covered_fraction: f64,
@@ -20,8 +21,9 @@ pub struct Cover {
 
 /// Solves inverse and forward problem for every vertex with the anchors of one surface.
 ///
-/// A vertex counts as covered if it returns within one mean edge. Proposals are uncovered vertices, each as far as possible along the surface from all anchors and
-/// earlier proposals; at most `proposals` of them. O(n) problems and one fast march per anchor.
+/// A vertex counts as covered if it returns within one mean edge. Proposals are uncovered vertices,
+/// each as far as possible along the surface from all anchors and earlier proposals; at most
+/// `proposals` of them. O(n) problems and one fast march per anchor.
 ///
 /// # Errors
 /// As [`correspondence`].

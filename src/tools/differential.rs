@@ -1,4 +1,5 @@
-//! The differential of a map between surfaces at a point, and what it does to normals, heights and vectors.
+//! The differential of a map between surfaces at a point, and what it does to normals, heights and
+//! vectors.
 
 use glam::{DMat2, DVec2, DVec3};
 
@@ -34,13 +35,15 @@ impl Plane {
 pub struct Differential {
     target: Plane,
     source: Plane,
-    /// From the target's plane to the source's; its determinant is negative where the map turns the surface over.
+    /// From the target's plane to the source's; its determinant is negative where the map turns the
+    /// surface over.
     matrix: DMat2,
 }
 
 impl Differential {
-    /// The linear map that takes the first vector of each pair, a step on the target, to the second, the step of its image, as nearly
-    /// as least squares can, all seen along the unit normals. `None` if the steps do not span the plane, or something is not finite.
+    /// The linear map that takes the first vector of each pair, a step on the target, to the
+    /// second, the step of its image, as nearly as least squares can, all seen along the unit
+    /// normals. `None` if the steps do not span the plane, or something is not finite.
     pub fn fit(
         target_normal: DVec3,
         source_normal: DVec3,
@@ -95,8 +98,9 @@ impl Differential {
         }
     }
 
-    /// The gradient on the target of a height whose gradient on the source is `gradient`, heights being multiplied by `factor`:
-    /// slopes are covectors, carried by the transpose of the differential.
+    /// The gradient on the target of a height whose gradient on the source is `gradient`, heights
+    /// being multiplied by `factor`: slopes are covectors, carried by the transpose of the
+    /// differential.
     pub fn pull_gradient(&self, gradient: DVec3, factor: f64) -> DVec3 {
         let g = self.source.coordinates(gradient);
         let pulled = self.matrix.transpose() * g * factor;
@@ -108,8 +112,9 @@ impl Differential {
         self.target.vector(self.closest_rotation().transpose() * self.source.coordinates(gradient))
     }
 
-    /// A vector of the source turned to the target: its part in the tangent plane by the inverse of the closest rotation, its part along the
-    /// normal along the target's. Lengths and, where the map does not turn the surface over, angles stay.
+    /// A vector of the source turned to the target: its part in the tangent plane by the inverse of
+    /// the closest rotation, its part along the normal along the target's. Lengths and, where the
+    /// map does not turn the surface over, angles stay.
     pub fn turn(&self, v: DVec3) -> DVec3 {
         self.turn_gradient(v) + self.target.normal * self.source.normal.dot(v)
     }

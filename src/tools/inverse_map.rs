@@ -1,4 +1,5 @@
-//! The other way through a map: the inverse by numbers, and how far a map and its counterpart are from undoing one another.
+//! The other way through a map: the inverse by numbers, and how far a map and its counterpart are
+//! from undoing one another.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -13,7 +14,8 @@ use super::vertex_map::VertexMap;
 
 /// Steps at most.
 const STEPS: usize = 12;
-/// A pre-image whose image misses its point by more than this part of the square root of the area is doubtful.
+/// A pre-image whose image misses its point by more than this part of the square root of the area
+/// is doubtful.
 const MISSED: f64 = 1e-3;
 /// Steps end where all points are met this well.
 const MET: f64 = 1e-7;
@@ -21,14 +23,18 @@ const MET: f64 = 1e-7;
 /// A point of the target whose image is a given point of the source.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PreImage {
-    /// The point of the target and the map's confidence in it; nowhere if there is none. `Valid` if the map vouches for it and the image meets the point.
+    /// The point of the target and the map's confidence in it; nowhere if there is none. `Valid` if
+    /// the map vouches for it and the image meets the point.
     pub point: PackedImage,
-    /// Distance in space between its image and the point, over the square root of the source's area.
+    /// Distance in space between its image and the point, over the square root of the source's
+    /// area.
     pub residual: f64,
 }
 
-/// For points of the source the points of the target that `map` sends there, by fixed-point steps: the target with its vertices at their images is a mesh `W` near the source; a step moves on `W` by
-/// what the image misses, `y <- y + (q - M(W^-1 y))`. Where several points go to one, one of them is found; where none does, the nearest. `vertices` is the map of the target's vertices.
+/// For points of the source the points of the target that `map` sends there, by fixed-point steps:
+/// the target with its vertices at their images is a mesh `W` near the source; a step moves on `W`
+/// by what the image misses, `y <- y + (q - M(W^-1 y))`. Where several points go to one, one of
+/// them is found; where none does, the nearest. `vertices` is the map of the target's vertices.
 ///
 /// `O(n log F)` and a map of all points for each of at most 12 steps.
 ///
@@ -94,7 +100,8 @@ fn image_mesh(target: &Mesh, vertices: &VertexMap, place: impl Fn(&SurfacePoint)
 /// How far points come back to: A to B by one map and to A again by the other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cycle {
-    /// Distance in space between the target's vertices and where they come back to, over the square root of the target's area.
+    /// Distance in space between the target's vertices and where they come back to, over the square
+    /// root of the target's area.
     pub error: ErrorSummary,
     /// Share of the vertices that came back at all.
     pub returned: f64,
@@ -102,8 +109,9 @@ pub struct Cycle {
     pub within_edge: f64,
 }
 
-/// Sends the images of the target's vertices back by `back`, the map from the source to the target that the same pairs give. Maps made independently agree only where both are determined: what they
-/// differ by is an estimate of their errors that needs no truth.
+/// Sends the images of the target's vertices back by `back`, the map from the source to the target
+/// that the same pairs give. Maps made independently agree only where both are determined: what
+/// they differ by is an estimate of their errors that needs no truth.
 ///
 /// # Errors
 /// Those of the map.
@@ -143,7 +151,8 @@ mod tests {
     use crate::models::shapes::lobed_sphere;
     use crate::tools::vertex_map::vertex_map;
 
-    /// Every point goes to the same place of the source, which has the same triangles; `shift` moves images along their triangle.
+    /// Every point goes to the same place of the source, which has the same triangles; `shift`
+    /// moves images along their triangle.
     struct Same {
         shift: f32,
     }

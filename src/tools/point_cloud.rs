@@ -16,11 +16,9 @@ const NEIGHBOURS: NonZero<usize> = NonZero::new(9).unwrap();
 const FLAT: f64 = 1e-2;
 
 /// A triangle for each point: the point, its nearest neighbour, and the nearest of the others that
-/// is not in line with both.
-/// The closest point of these triangles lies among the nearest points, and is a weighted mean of
-/// three of them: this is what
-/// colours are interpolated by. The triangles are no surface: they overlap, and have no
-/// orientation.
+/// is not in line with both. The closest point of these triangles lies among the nearest points,
+/// and is a weighted mean of three of them: this is what colours are interpolated by. The triangles
+/// are no surface: they overlap, and have no orientation.
 ///
 /// Vertices and colours are those of `points`. O(n log n).
 ///

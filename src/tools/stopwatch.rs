@@ -11,7 +11,8 @@ pub struct StageTime {
     pub name: &'static str,
     /// Wall seconds.
     pub seconds: f64,
-    /// Processor seconds of the whole process meanwhile, in steps of 10 ms; `None` where the system does not tell.
+    /// Processor seconds of the whole process meanwhile, in steps of 10 ms; `None` where the system
+    /// does not tell.
     pub cpu_seconds: Option<f64>,
     /// Whether kernels ran on a device meanwhile; else all of it was done on the CPU.
     pub on_device: bool,
@@ -70,7 +71,8 @@ impl Stopwatch {
     }
 }
 
-/// User and system time of this process, from Linux's process table (in ticks of 1/100 s on every Linux).
+/// User and system time of this process, from Linux's process table (in ticks of 1/100 s on every
+/// Linux).
 fn process_seconds() -> Option<f64> {
     let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
     // The name in parentheses may hold spaces; user and system time are fields 14 and 15.

@@ -6,7 +6,8 @@ use serde_json::{Value, json};
 
 use crate::support::Folder;
 
-/// The two built-in characters, with `count` true pairs, in which the sources of the pairs in `exchanged` are swapped.
+/// The two built-in characters, with `count` true pairs, in which the sources of the pairs in
+/// `exchanged` are swapped.
 fn characters(count: usize, exchanged: Option<(usize, usize)>) -> Folder {
     let f = Folder::empty();
     let pair = character_pair();

@@ -18,7 +18,8 @@ fn markers(mesh: &Mesh) -> Vec<usize> {
     farthest_points(&geodesics, 0, 40).into_iter().map(|v| v as usize).collect()
 }
 
-/// `body.obj`, 40 markers on it by name in `m.json`, and `walk.csv`: `frames` frames at 30 a second, in centimetres, z up. `cell` may change what is seen.
+/// `body.obj`, 40 markers on it by name in `m.json`, and `walk.csv`: `frames` frames at 30 a
+/// second, in centimetres, z up. `cell` may change what is seen.
 fn walk(frames: usize, cell: impl Fn(usize, usize, DVec3) -> Option<DVec3>) -> (Folder, Walker) {
     let folder = Folder::empty();
     let walker = Walker::new(0.04);

@@ -88,7 +88,8 @@ fn an_affine_cage_moves_the_model_affinely_by_every_partition_and_path() {
         let mut like = before.clone();
         like.positions.iter_mut().for_each(|p| *p = affine(*p));
         let off = far(&mesh(&f, "out.obj"), &like);
-        // Single precision, over a diameter of four; along the encoded path steps are not affine, and the composite is not quite.
+        // Single precision, over a diameter of four; along the encoded path steps are not affine,
+        // and the composite is not quite.
         let most = if options == "--path linear" || options.contains("direct") { 2e-6 } else { 5e-2 };
         assert!(off < most, "{options}: {off:e}");
     }

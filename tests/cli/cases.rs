@@ -2,9 +2,8 @@
 //! with its command and what is expected.
 //!
 //! Every folder there is a test. Its command is run as its README prints it, in a copy of the
-//! folder, and what comes out is judged: by
-//! `expected.png`, or by the judge of that name in [`JUDGES`], which asserts the values that the
-//! README expects. A folder without either fails.
+//! folder, and what comes out is judged: by `expected.png`, or by the judge of that name in
+//! [`JUDGES`], which asserts the values that the README expects. A folder without either fails.
 
 mod judges;
 

@@ -8,7 +8,8 @@ use glam::DVec3;
 
 use crate::support::Folder;
 
-/// `plane.obj` of side 1 with its texture `t.png`, `d.png`, a red picture with a green lower left quarter, and `a.json`, which lays it on [0.25, 0.75]^2.
+/// `plane.obj` of side 1 with its texture `t.png`, `d.png`, a red picture with a green lower left
+/// quarter, and `a.json`, which lays it on [0.25, 0.75]^2.
 fn plane() -> Folder {
     let folder = Folder::empty();
     write_obj(&plane_grid(20, 20, 1.0, 1.0, Diagonal::Alternating), folder.path("plane.obj")).unwrap();

@@ -5,7 +5,8 @@ use glam::DVec3;
 
 use crate::support::Folder;
 
-/// Handles for the sphere of [`Folder::spheres`], both poles and three vertices of the equator, each moved by `by`.
+/// Handles for the sphere of [`Folder::spheres`], both poles and three vertices of the equator,
+/// each moved by `by`.
 fn handles(f: &Folder, by: impl Fn(DVec3) -> DVec3) -> String {
     let mesh = read_mesh(f.path("s.obj")).unwrap().mesh;
     let last = mesh.vertex_count() - 1;

@@ -1,4 +1,5 @@
-//! The command line end to end: the built program on small meshes written for each test, and on the bad files of `BARYMAP_DATA`.
+//! The command line end to end: the built program on small meshes written for each test, and on the
+//! bad files of `BARYMAP_DATA`.
 
 mod anchors;
 mod animate;

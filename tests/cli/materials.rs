@@ -204,8 +204,7 @@ fn pictures_lie_as_mtl_options_say() {
 }
 
 /// The plane as glTF with these materials, of which the upper half has the second; texture
-/// coordinates times `scale` plus
-/// `offset`.
+/// coordinates times `scale` plus `offset`.
 fn write_gltf(f: &Folder, scale: f64, offset: f64, extra: Value, colors: Option<(u32, &[u8])>) {
     let n = QUADS + 1;
     let at = |k: usize| k as f64 / QUADS as f64;

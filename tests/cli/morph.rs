@@ -67,7 +67,8 @@ fn a_mask_pastes_the_detail_of_one_mesh_onto_another() {
     f.write("mask.txt", &lines.join("\n"));
     f.run("morph a.obj b.obj -o pasted.obj --mask mask.txt").succeeds();
     let pasted = read_mesh(f.path("pasted.obj")).unwrap().mesh.positions;
-    // Below it is the ball, above it is rippled, each in its own shape; what joins them may move and turn the parts a little.
+    // Below it is the ball, above it is rippled, each in its own shape; what joins them may move
+    // and turn the parts a little.
     let fitted = |of: &dyn Fn(&DVec3) -> bool, like: &Mesh| {
         let pairs: Vec<(DVec3, DVec3)> =
             (0..pasted.len()).filter(|&v| of(&a.positions[v])).map(|v| (like.positions[v], pasted[v])).collect();
@@ -169,7 +170,8 @@ fn meshes_of_other_connectivity_take_that_of_the_first() {
     assert!(load("half.ply").vertex_count() == s.vertex_count() && f.path("half.glb").exists());
 }
 
-/// The half-way shape of two meshes keeps its volume, and few triangles are inverted; `most` of them in parts of all.
+/// The half-way shape of two meshes keeps its volume, and few triangles are inverted; `most` of
+/// them in parts of all.
 fn half_way(f: &Folder, meshes: &str, most: f64) {
     f.run(&format!("morph {meshes} -o half.ply --weights 0.5,0.5 --landmarks 200 --compatible c.obj --report r.json"))
         .succeeds();

@@ -1,10 +1,9 @@
 //! Every command on meshes far from the origin and in other units: the same as on those near it.
 //!
 //! All coordinates are multiples of 2^-20 and motions are shifts by whole numbers and scalings by
-//! powers of two, so that the
-//! moved files hold the same shapes to the last bit. What commands decide and draw must be the same
-//! then; what they place must
-//! be so but for the rounding of the coordinates themselves.
+//! powers of two, so that the moved files hold the same shapes to the last bit. What commands
+//! decide and draw must be the same then; what they place must be so but for the rounding of the
+//! coordinates themselves.
 
 use std::fmt::Write;
 

@@ -1,4 +1,5 @@
-//! The steps of the main job by themselves: `map`, `weights`, `average`, `check`, `embed`, `render`, `devices`.
+//! The steps of the main job by themselves: `map`, `weights`, `average`, `check`, `embed`,
+//! `render`, `devices`.
 
 use barymap::io::read_mesh;
 

@@ -66,8 +66,8 @@ impl Folder {
         Self(tempfile::tempdir().unwrap())
     }
 
-    /// `s.obj`, `t.obj`, `s.png` and `a.json`: two spheres of different connectivity whose texture coordinates correspond, so that the
-    /// transferred texture is known: it is the source's own.
+    /// `s.obj`, `t.obj`, `s.png` and `a.json`: two spheres of different connectivity whose texture
+    /// coordinates correspond, so that the transferred texture is known: it is the source's own.
     pub(crate) fn spheres() -> Self {
         let folder = Self::empty();
         barymap::io::write_obj(&uv_sphere(1.0, 24, 16), folder.path("s.obj")).unwrap();
@@ -227,7 +227,8 @@ pub(crate) fn waves(size: u32) -> Image {
     Image::new(size, size, 3, Pixels::U8(samples)).unwrap()
 }
 
-/// Mean absolute difference, 0..1, of two pictures of the same size over the texels that `coverage` calls valid.
+/// Mean absolute difference, 0..1, of two pictures of the same size over the texels that `coverage`
+/// calls valid.
 pub(crate) fn difference(a: &Image, b: &Image, coverage: &Image) -> f64 {
     assert_eq!((a.width, a.height), (b.width, b.height));
     let (mut sum, mut count) = (0.0, 0u32);

@@ -23,7 +23,8 @@ fn columns(image: &Image, from: u32, to: u32) -> Image {
     out
 }
 
-/// The spheres of [`Folder::spheres`] with their texture coordinates over two tiles, and the texture in two pictures.
+/// The spheres of [`Folder::spheres`] with their texture coordinates over two tiles, and the
+/// texture in two pictures.
 fn tiled() -> Folder {
     let f = Folder::spheres();
     for (name, mut mesh) in [("s.obj", uv_sphere(1.0, 24, 16)), ("t.obj", stretched(30, 18))] {

@@ -65,7 +65,8 @@ fn look_up(image: &Image, uv: DVec2, c: u32) -> f64 {
     (1.0 - t) * ((1.0 - s) * at(i, j) + s * at(i + 1, j)) + t * ((1.0 - s) * at(i, j + 1) + s * at(i + 1, j + 1))
 }
 
-/// Mean and largest difference of two textured meshes of the same triangles at points of their surface.
+/// Mean and largest difference of two textured meshes of the same triangles at points of their
+/// surface.
 fn difference_on_surface(a: (&Mesh, &Image), b: (&Mesh, &Image)) -> (f64, f64) {
     let (mut sum, mut most, mut count) = (0.0, 0.0f64, 0);
     for t in 0..a.0.triangle_count() {

@@ -1,4 +1,5 @@
-//! `warp` and `warp-points` end to end: pictures, points and outlines, and everything that cannot be used.
+//! `warp` and `warp-points` end to end: pictures, points and outlines, and everything that cannot
+//! be used.
 
 use barymap::raster::{Depth, Image};
 use serde_json::{Value, json};
@@ -40,7 +41,8 @@ fn a_picture_is_bent_without_folds_and_the_report_says_so() {
     for name in ["h.png", "g.png", "v.png"] {
         assert!(f.image(name).height == 64, "{name}");
     }
-    // Two edges of the square stay where they are, and beyond the corner there is nothing of the picture.
+    // Two edges of the square stay where they are, and beyond the corner there is nothing of the
+    // picture.
     assert!((out.get(0, 32, 0) - waves(64).get(0, 32, 0)).abs() < 0.06);
     assert!(out.get(10, 10, 0) > 0.0 && out.get(40, 40, 0) == 0.0);
 }

@@ -12,8 +12,7 @@ use serde_json::{Value, json};
 use crate::support::{Folder, waves};
 
 /// Results of two forms may differ by this part of the mesh's size: they are computed from equal
-/// numbers in equal
-/// order, but for sums over all vertices of a file.
+/// numbers in equal order, but for sums over all vertices of a file.
 const SAME: f64 = 1e-7;
 
 /// A form of a mesh: the file, and the vertex of the welded form that each of its vertices is.
@@ -24,8 +23,8 @@ struct Form {
 }
 
 /// `mesh` with six charts by the side that faces look to, in three forms with equal faces: welded,
-/// split at the seams of the
-/// charts, and each face with its own vertices. Vertices are numbered as the faces use them.
+/// split at the seams of the charts, and each face with its own vertices. Vertices are numbered as
+/// the faces use them.
 fn forms(mesh: &Mesh) -> [Form; 3] {
     let (low, high) = mesh.bounds().unwrap();
     let size = (high - low).max_element();
@@ -208,8 +207,7 @@ fn levels(f: &Folder, name: &str) -> Vec<u8> {
 }
 
 /// Pictures are the same up to a level, where a rounding decides, but for one sample in a thousand,
-/// where an edge of a
-/// triangle passes through the centre of a pixel; all else is equal.
+/// where an edge of a triangle passes through the centre of a pixel; all else is equal.
 fn same(what: &str, made: &[u8], wanted: &[u8]) -> bool {
     if !what.starts_with("picture") {
         return made == wanted;

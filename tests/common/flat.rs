@@ -82,7 +82,8 @@ impl PointMap for Identity {
     }
 }
 
-/// A function of the unit square from a flat target to a flat source, both with their texture coordinates as positions.
+/// A function of the unit square from a flat target to a flat source, both with their texture
+/// coordinates as positions.
 pub(crate) struct Planar<'a, F> {
     pub(crate) source: &'a Mesh,
     pub(crate) target: &'a Mesh,

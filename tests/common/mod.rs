@@ -7,7 +7,8 @@ use std::path::PathBuf;
 
 use barymap::geometry::Mesh;
 
-/// A file of the folder that `BARYMAP_DATA` names; tests that need one are ignored unless asked for.
+/// A file of the folder that `BARYMAP_DATA` names; tests that need one are ignored unless asked
+/// for.
 ///
 /// # Panics
 /// If `BARYMAP_DATA` is not set.

@@ -1,4 +1,5 @@
-//! Maps in the plane in single precision against double precision on the same rounded input: cases, points and the comparison.
+//! Maps in the plane in single precision against double precision on the same rounded input: cases,
+//! points and the comparison.
 #![allow(dead_code, reason = "each test binary uses a part of this")]
 
 use barymap::engine::Engine;
@@ -104,7 +105,8 @@ fn contains(polygon: &Polygon, p: DVec2) -> bool {
     inside
 }
 
-/// A raster of `side` x `side` inside the polygon, and what lies on and next to its edges and vertices.
+/// A raster of `side` x `side` inside the polygon, and what lies on and next to its edges and
+/// vertices.
 pub(crate) fn points(case: &Case, side: usize) -> Points {
     let (low, high) = case.polygon.bounds();
     let mut all: Vec<DVec2> = (0..side * side)
@@ -181,14 +183,16 @@ const ROUNDING: f64 = 5.960_464_477_539_063e-8;
 
 /// The error of a Jacobian in single precision that is accepted.
 ///
-/// Up to 64 vertices 5e-6 max(1, |J|), beyond that in proportion to their number n: where edges are 1 / n of the size, the place of a
-/// point between them, and with it the derivative, is known to n roundings of the size (the sums add little to that, since they are
-/// taken by blocks: at 512 vertices 1.4e-5 is found where 4e-5 is accepted, at 4,096 deep notches 1.9e-4 where 3.2e-4 is).
+/// Up to 64 vertices 5e-6 max(1, |J|), beyond that in proportion to their number n: where edges are
+/// 1 / n of the size, the place of a point between them, and with it the derivative, is known to n
+/// roundings of the size (the sums add little to that, since they are taken by blocks: at 512
+/// vertices 1.4e-5 is found where 4e-5 is accepted, at 4,096 deep notches 1.9e-4 where 3.2e-4 is).
 ///
-/// Edges that are stretched several times are the exception: the derivative is as large next to them, and a determinant that cancels
-/// keeps a few roundings of the squares of its entries. Between the stored hexagons, which have one that becomes eight times as long,
-/// these sum to 190; rounding the exact entries to single precision alone costs 6.9e-6, more than the 5e-6 that others keep, and all
-/// roundings together 1.6e-5: no form of the same entries can do better.
+/// Edges that are stretched several times are the exception: the derivative is as large next to
+/// them, and a determinant that cancels keeps a few roundings of the squares of its entries.
+/// Between the stored hexagons, which have one that becomes eight times as long, these sum to 190;
+/// rounding the exact entries to single precision alone costs 6.9e-6, more than the 5e-6 that
+/// others keep, and all roundings together 1.6e-5: no form of the same entries can do better.
 pub(crate) fn jacobian_tolerance(case: &Case, derivative: &[[f64; 2]; 2], jacobian: f64) -> f64 {
     let square: f64 = derivative.iter().flatten().map(|d| d * d).sum();
     let entries = if case.stretch > 4.0 { 3.0 * ROUNDING * square } else { 0.0 };
@@ -214,8 +218,8 @@ pub(crate) fn worst(case: &Case, points: &[[f32; 2]], mapped: &Mapped) -> Option
     Some(worst)
 }
 
-/// Says what is wrong with `mapped`, if anything: images to 1e-6 of the diameter, Jacobians to [`jacobian_tolerance`], vertices
-/// exactly on their images.
+/// Says what is wrong with `mapped`, if anything: images to 1e-6 of the diameter, Jacobians to
+/// [`jacobian_tolerance`], vertices exactly on their images.
 pub(crate) fn fault(case: &Case, points: &Points, mapped: &Mapped) -> Option<String> {
     let Some(worst) = worst(case, &points.inside, mapped) else { return Some(format!("{}: not finite", case.name)) };
     if worst.image > 1e-6 || worst.jacobian > 1.0 {
@@ -241,14 +245,16 @@ pub(crate) fn far_points(case: &Case) -> Vec<[f32; 2]> {
     (0..700).map(at).map(|p| [p.x as f32, p.y as f32]).collect()
 }
 
-/// Says what is wrong outside, at distance R from a polygon of diameter h: images to the larger of 1e-6 and 2e-7 (R / h)^2 of the
-/// diameter, times how many times R the map moves the point if that is more than 1: the error is one of the weights, which
-/// the displacement multiplies.
+/// Says what is wrong outside, at distance R from a polygon of diameter h: images to the larger of
+/// 1e-6 and 2e-7 (R / h)^2 of the diameter, times how many times R the map moves the point if that
+/// is more than 1: the error is one of the weights, which the displacement multiplies.
 ///
-/// 1e-6 because weights of single precision do not give less near the polygon: seen from outside, the angles have both signs, and
-/// their sum cancels to (h / R)^2 while each has its own roundings. With sums in double precision over the same weights, errors
-/// relative to 2e-7 (R / h)^2 stay what they are: 3.9 at 0.3 to 0.5 h, 1.9 at 0.75 to 1 h and 0.9 at 1.5 to 2 h of the triangle
-/// (5.6, 2.7 and 1.5 of the hexagons), where all in single precision has 4.6, 1.8 and 1.1 (9.6, 3.0 and 1.7).
+/// 1e-6 because weights of single precision do not give less near the polygon: seen from outside,
+/// the angles have both signs, and their sum cancels to (h / R)^2 while each has its own roundings.
+/// With sums in double precision over the same weights, errors relative to 2e-7 (R / h)^2 stay what
+/// they are: 3.9 at 0.3 to 0.5 h, 1.9 at 0.75 to 1 h and 0.9 at 1.5 to 2 h of the triangle (5.6,
+/// 2.7 and 1.5 of the hexagons), where all in single precision has 4.6, 1.8 and 1.1 (9.6, 3.0 and
+/// 1.7).
 pub(crate) fn far_fault(case: &Case, points: &[[f32; 2]], images: &[[f32; 2]]) -> Option<String> {
     let h = case.diameter();
     for (p, q) in points.iter().zip(images) {
@@ -265,8 +271,8 @@ pub(crate) fn far_fault(case: &Case, points: &[[f32; 2]], images: &[[f32; 2]]) -
     None
 }
 
-/// Everything that has to hold on `engine` for the pairs of [`pairs`] at three sizes; every other result is spoilt once, and must
-/// be refused.
+/// Everything that has to hold on `engine` for the pairs of [`pairs`] at three sizes; every other
+/// result is spoilt once, and must be refused.
 pub(crate) fn check_accuracy(engine: &Engine) {
     for (name, pair) in pairs() {
         for size in [1e-3, 1.0, 1e6] {
@@ -307,7 +313,8 @@ pub(crate) fn path(n: usize, steps: usize) -> Vec<Polygon> {
     (0..=steps).map(at).collect()
 }
 
-/// Largest distance, in polygons' diameters, between a composite of `steps` steps on `engine` and in double precision.
+/// Largest distance, in polygons' diameters, between a composite of `steps` steps on `engine` and
+/// in double precision.
 pub(crate) fn drift(engine: &Engine, n: usize, steps: usize) -> f64 {
     let polygons = path(n, steps);
     let scale = Frame::common_scale(&polygons);

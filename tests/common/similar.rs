@@ -93,8 +93,7 @@ fn potato(d: DVec3, bend: f64) -> DVec3 {
 }
 
 /// A pair at rest: 642 and 566 vertices, 24 anchors, some of them inside triangles; and for every
-/// vertex of the target its
-/// true place on the source.
+/// vertex of the target its true place on the source.
 pub(crate) struct Rest {
     pub(crate) source: Mesh,
     pub(crate) target: Mesh,

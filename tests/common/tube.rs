@@ -1,4 +1,5 @@
-//! The bumpy tube of the standard set of deformations: closed, four times as long as wide, bounding-box diagonal one.
+//! The bumpy tube of the standard set of deformations: closed, four times as long as wide,
+//! bounding-box diagonal one.
 #![allow(dead_code, reason = "tests and benches use different parts")]
 
 use std::f64::consts::TAU;

@@ -1,4 +1,5 @@
-//! The accuracy of the correspondence on real pairs whose truth is known, and the honesty of its statuses.
+//! The accuracy of the correspondence on real pairs whose truth is known, and the honesty of its
+//! statuses.
 //!
 //! Errors are distances in space between image and truth over the square root of the source's area.
 
@@ -128,7 +129,8 @@ fn say(name: &str, method: &str, o: &Outcome) {
 #[test]
 #[ignore = "needs BARYMAP_DATA"]
 fn smpl_and_fox_pairs_meet_the_bar_of_the_study() {
-    // The bars of the issue: mean error 0.008 (SMPL 0.0045) with 93 anchors, and with 27 at most 0.75 of what the published method has.
+    // The bars of the issue: mean error 0.008 (SMPL 0.0045) with 93 anchors, and with 27 at most
+    // 0.75 of what the published method has.
     for (name, source, target, bar) in [
         ("smpl", "gt/smpl_same/man.obj", "gt/smpl_same/woman.obj", 0.0045),
         ("fox survey to rest", "gt/fox_same/fox_survey.obj", "gt/fox_same/fox_rest.obj", 0.008),
@@ -141,8 +143,9 @@ fn smpl_and_fox_pairs_meet_the_bar_of_the_study() {
         say(name, "averages, 93", &averages);
         say(name, "transport, 93", &transport);
         assert!(transport.error.mean <= bar, "{name}: {}", transport.error.mean);
-        // The study that set the bar had its surfaces remeshed evenly, which is the mean by area. Over the vertices as they are, most of them in
-        // the fox's face and feet, the published method has up to 0.0096.
+        // The study that set the bar had its surfaces remeshed evenly, which is the mean by area.
+        // Over the vertices as they are, most of them in the fox's face and feet, the published
+        // method has up to 0.0096.
         let published = pair.mean_by_area(&averages);
         println!("{name} averages, 93: mean by area {published:.4}");
         assert!(published <= 0.008 && averages.error.mean <= 0.0098, "{name}: {published}");

@@ -1,4 +1,5 @@
-//! Anchors proposed on built-in characters and, where there is data, on real pairs with known truth.
+//! Anchors proposed on built-in characters and, where there is data, on real pairs with known
+//! truth.
 
 use barymap::geometry::sampling::farthest_points;
 use barymap::geometry::{ClosestPoints, Geodesics, Mesh, SurfacePoint, Topology};
@@ -41,7 +42,8 @@ impl Embedded {
     }
 }
 
-/// The built-in strider, which no symmetry maps onto itself, as a source; a copy moved by `by` as target.
+/// The built-in strider, which no symmetry maps onto itself, as a source; a copy moved by `by` as
+/// target.
 fn copy(by: impl Fn(DVec3) -> DVec3) -> (Embedded, Embedded) {
     let source = character_pair().source.mesh;
     let mut target = source.clone();
@@ -57,7 +59,8 @@ fn identical(source: &Embedded, target: &Embedded, vertices: &[u32]) -> AnchorPa
     }
 }
 
-/// Distance of each pair from the truth on a copy, which has the same triangles, over the square root of the area.
+/// Distance of each pair from the truth on a copy, which has the same triangles, over the square
+/// root of the area.
 fn errors_on_copy(proposal: &Proposal, source: &Embedded) -> Vec<f64> {
     let unit = source.mesh.area().sqrt();
     let off = |p: &Proposed| p.source.position(&source.mesh).distance(p.target.position(&source.mesh)) / unit;
@@ -151,7 +154,8 @@ fn suggestions_lie_where_anchors_are_missing() {
     assert_eq!(suggest(source.shape(), target.shape(), &upper, 0).unwrap(), []);
 }
 
-/// The mesh with vertices, triangles and first corners in another order, and where each vertex went.
+/// The mesh with vertices, triangles and first corners in another order, and where each vertex
+/// went.
 fn renumbered(mesh: &Mesh) -> (Mesh, Vec<u32>) {
     let n = mesh.vertex_count() as u32;
     // 7919 is prime and divides neither number: both are permutations.
@@ -205,7 +209,8 @@ fn a_renumbered_copy_in_another_shape_gets_its_own_vertices() {
 
 #[test]
 fn a_symmetric_mesh_whose_map_is_unsure_gets_no_vertices() {
-    // A sphere of parallels and meridians goes upon itself by every turn from one meridian to the next; the copy is turned by half of that, so that two ways are as near.
+    // A sphere of parallels and meridians goes upon itself by every turn from one meridian to the
+    // next; the copy is turned by half of that, so that two ways are as near.
     let (rings, around) = (24, 40);
     let sphere = |turn: f64| {
         let angle = |j: usize| (j as f64 + turn) / around as f64 * std::f64::consts::TAU;
@@ -288,7 +293,8 @@ fn eight_seeds_grow_on_real_pairs() {
             same / wanted
         );
         assert!(same <= 1.3 * wanted, "{same} {wanted}");
-        // By shape alone: on the running fox and where both stand alike proposed pairs help nothing; they must not harm.
+        // By shape alone: on the running fox and where both stand alike proposed pairs help
+        // nothing; they must not harm.
         assert!(shape < 1.1 * eight, "{shape} {eight}");
         grown_over_seeds *= shape / eight;
     }

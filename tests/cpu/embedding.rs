@@ -43,7 +43,8 @@ fn one_torus() -> Mesh {
     Mesh::from_triangles("torus", p, &t)
 }
 
-/// Root of the mean squared relative error against fast marching, from a few vertices to all farther than `least`.
+/// Root of the mean squared relative error against fast marching, from a few vertices to all
+/// farther than `least`.
 fn relative_error(mesh: &Mesh, e: &Embedding, least: f64) -> f64 {
     let topology = Topology::new(mesh);
     let usable: Vec<[u32; 3]> =

@@ -1,4 +1,5 @@
-//! The method `field` where spatial maps and plain averages fail: a strong change of pose, handles and holes, several components. Shapes are made here, so that the truth is known.
+//! The method `field` where spatial maps and plain averages fail: a strong change of pose, handles
+//! and holes, several components. Shapes are made here, so that the truth is known.
 //!
 //! Errors are distances in space between image and truth over the square root of the source's area.
 
@@ -68,7 +69,8 @@ impl Pair {
         (errors, found)
     }
 
-    /// The field is nearer to the truth than radial functions in space by `to_rbf` and than the published averages by 0.85, and hardly a triangle is turned.
+    /// The field is nearer to the truth than radial functions in space by `to_rbf` and than the
+    /// published averages by 0.85, and hardly a triangle is turned.
     fn check(&self, name: &str, anchors: usize, to_rbf: f64) {
         let vertices = self.spread(anchors);
         let mean = |method: Method| {
@@ -90,7 +92,8 @@ impl Pair {
     }
 }
 
-/// A lumpy body of length 12 and width 2, and the same bent into a U: along its inner side it shrinks by a quarter.
+/// A lumpy body of length 12 and width 2, and the same bent into a U: along its inner side it
+/// shrinks by a quarter.
 fn half_a_turn(level: u32) -> [Mesh; 2] {
     let mut straight = lobed_sphere(level, 0.25);
     straight.positions.iter_mut().for_each(|p| p.x *= 6.0);
@@ -217,7 +220,8 @@ fn two_handles_and_three_holes() {
 
 #[test]
 fn components_are_matched_by_their_anchors() {
-    // A lumpy body with a smaller ball beside it; on the source the ball is on the other side, nearer to another part of the body.
+    // A lumpy body with a smaller ball beside it; on the source the ball is on the other side,
+    // nearer to another part of the body.
     let body = lobed_sphere(4, 0.3);
     let ball = icosphere(0.4, 3);
     let both = |at: DVec3| {

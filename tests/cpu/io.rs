@@ -14,7 +14,8 @@ fn data() -> PathBuf {
     std::env::var_os("BARYMAP_DATA").expect("BARYMAP_DATA names the folder of test data").into()
 }
 
-/// Vertices and a part of the warnings of a file that can be read, or a part of the message of one that cannot.
+/// Vertices and a part of the warnings of a file that can be read, or a part of the message of one
+/// that cannot.
 type Expected = Result<(usize, &'static str), &'static str>;
 
 /// The manifest's rows of meshes outside `bad`: file, then V, F, C, L, G, M, UV as written.

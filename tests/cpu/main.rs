@@ -1,4 +1,5 @@
-//! Tests of the CPU side through the public interface, on real data where `BARYMAP_DATA` names it; no graphics device is touched.
+//! Tests of the CPU side through the public interface, on real data where `BARYMAP_DATA` names it;
+//! no graphics device is touched.
 
 mod accuracy;
 mod anchors;

@@ -51,8 +51,9 @@ fn truth_has_equal_parameters() {
 
 #[test]
 fn truth_is_the_same_place_of_the_neutral_body() {
-    // Two triangulations of one smooth body differ by the height of a chord, edge^2 / (8 * radius): at the finger tips, with
-    // edges and a radius of 30 mm, that is 4 mm; on average it is far less.
+    // Two triangulations of one smooth body differ by the height of a chord, edge^2 / (8 * radius):
+    // at the finger tips, with edges and a radius of 30 mm, that is 4 mm; on average it is far
+    // less.
     let pair = character_pair();
     let place = |p: &SurfacePoint| -> DVec3 {
         let t = pair.source.mesh.triangle(p.face as usize);
@@ -209,7 +210,8 @@ fn sample(texture: &RgbaImage, uv: DVec2) -> [f64; 3] {
     })
 }
 
-/// Mean colour step (0 to 255) between both sides of the seams, and the share of places where it is above 40.
+/// Mean colour step (0 to 255) between both sides of the seams, and the share of places where it is
+/// above 40.
 fn seam_steps(character: &Character, texture: &RgbaImage) -> (f64, f64) {
     let mesh = &character.mesh;
     let topology = Topology::new(mesh);

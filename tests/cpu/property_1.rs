@@ -66,9 +66,8 @@ impl Body {
 
 /// How far the projection of a point of the surface may be off where it was found in triangle
 /// `face`: a root outside it by the slack is moved onto its border, which takes it no farther than
-/// twice that
-/// part of its longest edge; and coordinates, the largest `largest`, are rounded in the surface,
-/// the point and the sum over D of them.
+/// twice that part of its longest edge; and coordinates, the largest `largest`, are rounded in the
+/// surface, the point and the sum over D of them.
 fn tolerance<S: Real>(surface: &PhongSurface<f64, 8>, largest: f64, face: u32) -> f64 {
     let v = surface.triangles[face as usize].v.map(|v| surface.vertices[v as usize].y);
     let longest = [0, 1, 2].map(|k| distance_squared(&v[k], &v[(k + 1) % 3]).sqrt()).into_iter().fold(0.0, f64::max);
@@ -82,8 +81,7 @@ fn largest(surface: &PhongSurface<f64, 8>) -> f64 {
 
 /// Where a search starts: at the triangle itself, at the one across an edge, at the nearest vertex
 /// of all. Where a surface is crumpled, another part of it comes nearer to a point than the corners
-/// of its
-/// triangle, and a search that begins there may stay there: then only the first is sure.
+/// of its triangle, and a search that begins there may stay there: then only the first is sure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Start {
     Itself,

@@ -118,7 +118,8 @@ fn texture_rows_start_at_the_top() {
 
 #[test]
 fn perspective_keeps_straight_lines_of_the_texture_straight() {
-    // A plane seen at a slant: its middle line in the texture is the straight line between the middles of its two ends.
+    // A plane seen at a slant: its middle line in the texture is the straight line between the
+    // middles of its two ends.
     let mut plane = plane_grid(1, 1, 1.0, 1.0, Diagonal::Forward);
     for p in &mut plane.positions {
         *p = DVec3::new(p.x - 0.5, 0.0, 4.0 * (0.5 - p.y));
@@ -127,7 +128,8 @@ fn perspective_keeps_straight_lines_of_the_texture_straight() {
         RgbaImage::from_fn(256, 256, |_, y| if y < 128 { Rgba([255, 0, 0, 255]) } else { Rgba([0, 0, 255, 255]) });
     let options = RenderOptions { elevation: 25.0, field_of_view: 60.0, margin: 0.0, ..flat(200, 200) };
     let picture = render(&plane, Coloring::Texture(&texture), &[], &options).unwrap();
-    // The row where red turns to blue is the same in all columns the plane covers there, also across the diagonal.
+    // The row where red turns to blue is the same in all columns the plane covers there, also
+    // across the diagonal.
     let rows: Vec<u32> = (90..110)
         .map(|x| {
             (0..199)

@@ -1,5 +1,5 @@
-//! Every kernel is parsed, validated for the smallest device and held against its host half. Needs no adapter: kernels
-//! compile at their first use, so without this a user would find the fault.
+//! Every kernel is parsed, validated for the smallest device and held against its host half. Needs
+//! no adapter: kernels compile at their first use, so without this a user would find the fault.
 
 use std::collections::BTreeSet;
 use std::path::Path;

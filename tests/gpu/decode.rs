@@ -31,7 +31,8 @@ fn spread(mesh: &Mesh, count: usize) -> Vec<u32> {
         .collect()
 }
 
-/// The largest distance from where the similarity of all handles takes the mesh, over the image's diagonal.
+/// The largest distance from where the similarity of all handles takes the mesh, over the image's
+/// diagonal.
 fn off(mesh: &Mesh, found: &[DVec3], image: impl Fn(DVec3) -> DVec3, size: f64) -> f64 {
     let used = (0..mesh.vertex_count()).filter(|&v| mesh.positions[v].is_finite());
     used.map(|v| found[v].distance(image(mesh.positions[v]))).fold(0.0, f64::max) / size
@@ -51,7 +52,8 @@ fn check_similarities(engine: &Engine, mesh: &Mesh, quality: &Quality) {
         let worst = off(mesh, &result.positions, image, diagonal * scale);
         println!("{}, {degrees} x {scale}: {worst:.1e}", mesh.name);
         assert!(worst <= 2e-6, "{}, {degrees} x {scale}: {worst:e}", mesh.name);
-        // Nothing is iterated on the device, whatever the quality; far away the processor's stages see the rounding of their numbers.
+        // Nothing is iterated on the device, whatever the quality; far away the processor's stages
+        // see the rounding of their numbers.
         let mut levels = result.report.levels.iter().filter(|l| l.on_device || shift == 0.0);
         assert!(levels.all(|l| l.iterations == 0), "{}, {degrees} x {scale}: {:?}", mesh.name, result.report);
         let mut wrong = result.positions.clone();

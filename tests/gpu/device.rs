@@ -139,7 +139,8 @@ fn without_a_driver_the_processor_works_and_says_so() {
         assert!(auto.note().is_some_and(|n| n.starts_with("working on the CPU")));
         return;
     }
-    // The loader of Vulkan drivers reads its list once, so the missing driver needs a process of its own.
+    // The loader of Vulkan drivers reads its list once, so the missing driver needs a process of
+    // its own.
     let name = "device::without_a_driver_the_processor_works_and_says_so";
     let status = Command::new(std::env::current_exe().unwrap())
         .args(["--exact", name, "--quiet"])

@@ -1,4 +1,5 @@
-//! The kernels of the encoding against double precision, row by row with derived bounds; decodes on devices.
+//! The kernels of the encoding against double precision, row by row with derived bounds; decodes on
+//! devices.
 
 use barymap::encoding::decode::{encoding_residual, ring_value};
 use barymap::encoding::derivative::{Linearisation, encoding_apply, encoding_apply_transpose};
@@ -93,7 +94,8 @@ fn real() -> Vec<Case> {
         .collect()
 }
 
-/// The first entry further from the truth than its bound allows, and the largest part of a bound that is used.
+/// The first entry further from the truth than its bound allows, and the largest part of a bound
+/// that is used.
 fn compare(found: &[V3<f32>], truth: &[V3<f64>], bound: impl Fn(usize) -> f64) -> Result<f64, String> {
     let mut most = 0.0_f64;
     if found.len() != truth.len() {
@@ -213,7 +215,8 @@ fn check_products(gpu: &Gpu, case: &Case) {
         if named(v).any(|(_, row)| bounds[row].is_degenerate()) {
             return f64::INFINITY;
         }
-        // The largest entry 1 / D changes by the change of D over D squared; a column of length l contributes l².
+        // The largest entry 1 / D changes by the change of D over D squared; a column of length l
+        // contributes l².
         let inverse = diagonal[v].iter().copied().fold(0.0, f64::max);
         let mut change = 0.0;
         for (slot, row) in named(v) {

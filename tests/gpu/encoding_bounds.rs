@@ -1,5 +1,6 @@
-//! How far single precision may be from the references, to first order in the unit roundoff: standard error analysis of the formulas of
-//! `encoding::decode` and `encoding::derivative`, for inputs that both sides read as the same single-precision numbers.
+//! How far single precision may be from the references, to first order in the unit roundoff:
+//! standard error analysis of the formulas of `encoding::decode` and `encoding::derivative`, for
+//! inputs that both sides read as the same single-precision numbers.
 //!
 //! A ring far from its own plane, or nearly without area, has large bounds; they say so truthfully.
 
@@ -7,8 +8,8 @@ use barymap::encoding::derivative::Linearisation;
 use barymap::encoding::{Encoding, Stencils, V3};
 use glam::DVec3;
 
-/// Unit roundoff of single precision, doubled: the bounds are of first order, and drivers round square roots and divisions by up to 2.5
-/// units in the last place.
+/// Unit roundoff of single precision, doubled: the bounds are of first order, and drivers round
+/// square roots and divisions by up to 2.5 units in the last place.
 pub(crate) const ROUNDOFF: f64 = 2.0 * 5.96e-8;
 
 /// A row and its errors, in units of [`ROUNDOFF`].
@@ -153,7 +154,8 @@ impl RowBound {
         ROUNDOFF * total
     }
 
-    /// Error and size of what slot `k` contributes to the transposed product with the row's entry `y`.
+    /// Error and size of what slot `k` contributes to the transposed product with the row's entry
+    /// `y`.
     pub(crate) fn transposed(&self, k: usize, y: DVec3) -> (f64, f64) {
         let slot = &self.slots[k];
         let along = self.n.dot(y);

@@ -130,7 +130,8 @@ fn anchors_go_to_their_partners() {
     let surface = device.reference().source();
     for (image, anchor) in images.iter().zip(&scene.anchors.source) {
         let d = distance_squared(&surface.embed(&image.point().unwrap()), &surface.embed(anchor)).sqrt();
-        // The relaxation holds anchors by a stiffness of 1e6 mean masses, so that they give way by that part of what pulls.
+        // The relaxation holds anchors by a stiffness of 1e6 mean masses, so that they give way by
+        // that part of what pulls.
         assert!(d <= 1e-4, "{image:?} {anchor:?}: {d}");
     }
 }

@@ -1,7 +1,8 @@
-//! Tests that run kernels. One device serves them all, because every process pays device and compilation anew.
+//! Tests that run kernels. One device serves them all, because every process pays device and
+//! compilation anew.
 //!
-//! Without an adapter each test is skipped and says so; the count is printed, and `BARYMAP_REQUIRE_GPU=1` makes a
-//! skipped test a failure.
+//! Without an adapter each test is skipped and says so; the count is printed, and
+//! `BARYMAP_REQUIRE_GPU=1` makes a skipped test a failure.
 
 #[path = "../common/mod.rs"]
 mod common;

@@ -108,7 +108,8 @@ fn what_the_kernels_leave_is_found_by_the_reference_in_every_step() {
     let forward = Forward::<8>::new(model.shape()).unwrap();
     let device = DeviceStencils::new(engine, &forward.surface().cast()).unwrap();
     let points = model.points(300);
-    // One row overshoots by a weight of forty, far beyond the boundary, where there is no projection.
+    // One row overshoots by a weight of forty, far beyond the boundary, where there is no
+    // projection.
     let mut rows = rows(300, 0.0);
     rows.scale(|own, _| if own == 100 { -40.0 } else { 1.0 });
     let asked = std::sync::atomic::AtomicUsize::new(0);

@@ -105,7 +105,8 @@ fn steps_ping_pong_and_large_cages_go_to_the_cpu() {
     }
 }
 
-/// Whether the minima of pieces are those of the reference; Jacobians are known to `tolerance` there.
+/// Whether the minima of pieces are those of the reference; Jacobians are known to `tolerance`
+/// there.
 fn agree(a: &[PieceMinimum3d], b: &[PieceMinimum3d], tolerance: f32) -> bool {
     a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a.value - b.value).abs() <= tolerance * (1.0 + b.value.abs()))
 }

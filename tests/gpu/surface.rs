@@ -137,8 +137,8 @@ pub(crate) struct Comparison {
     pub(crate) other_statuses: usize,
 }
 
-/// Compares images with the double-precision truth. Images on different triangles count as one decision if they are the same
-/// place: a root on an edge belongs to both.
+/// Compares images with the double-precision truth. Images on different triangles count as one
+/// decision if they are the same place: a root on an edge belongs to both.
 pub(crate) fn compare<const D: usize>(
     (truth, surface): (&dyn Fn(PackedPoint) -> PackedImage, &PhongSurface<f64, D>),
     points: &[PackedPoint],
@@ -248,10 +248,12 @@ pub(crate) fn check<M: HostMap, const D: usize>(
     let statuses = compare(truth, points, &single).other_statuses;
     judge(&c, points.len(), statuses, p99).unwrap();
     eprintln!("left to the reference: {}", device.left_to_reference());
-    // On real embeddings the published averages leave more of them: where the anchors do not cover, nothing is near.
+    // On real embeddings the published averages leave more of them: where the anchors do not cover,
+    // nothing is near.
     assert!(device.left_to_reference() * 8 <= points.len() as u64, "the kernels do the work");
 
-    // The comparator must see one image in fifty moved by a hundredth of an edge, and statuses changed.
+    // The comparator must see one image in fifty moved by a hundredth of an edge, and statuses
+    // changed.
     let mut moved = images.clone();
     for image in moved.iter_mut().step_by(50) {
         image.b0 += 0.01 * if image.b0 > 0.5 { -1.0 } else { 1.0 };

@@ -34,7 +34,8 @@ impl Sheet {
         (expected, found, rasterizer.left_to_reference())
     }
 
-    /// Distance of a triangle (all its repeats) from a texel's centre, in texels, in double precision.
+    /// Distance of a triangle (all its repeats) from a texel's centre, in texels, in double
+    /// precision.
     fn distance(&self, face: u32, c: [f64; 2]) -> f64 {
         let segment = |a: [f64; 2], b: [f64; 2]| {
             let (d, e) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
@@ -49,8 +50,9 @@ impl Sheet {
         records.map(nearest).fold(f64::MAX, f64::min)
     }
 
-    /// Whether `found` is `expected` up to rounding: the same centres in the same triangles, always, and the same closest triangle unless
-    /// two are as close; barycentric coordinates within the rounding of their sums.
+    /// Whether `found` is `expected` up to rounding: the same centres in the same triangles,
+    /// always, and the same closest triangle unless two are as close; barycentric coordinates
+    /// within the rounding of their sums.
     fn check(&self, tile: Tile, expected: &[AtlasTexel], found: &[AtlasTexel]) -> Result<(), String> {
         const EPSILON: f64 = f32::EPSILON as f64;
         if expected.len() != found.len() {
@@ -84,11 +86,13 @@ impl Sheet {
                 .filter(|t| t.face == e.face)
                 .flat_map(|t| t.gradient.as_flattened())
                 .fold(0.0, |m: f64, g| m.max(f64::from(*g).abs()));
-            // A sum of three terms of at most 1 + 14 slopes, or the parameter of an edge of a texel's length times its slope.
+            // A sum of three terms of at most 1 + 14 slopes, or the parameter of an edge of a
+            // texel's length times its slope.
             let rounding = 4.0 * EPSILON * (1.0 + 14.0 * slope) + 12.0 * EPSILON * 2.0 * (1.0 + slope);
             let b = [f64::from(e.b0), f64::from(e.b1), 1.0 - f64::from(e.b0) - f64::from(e.b1)];
             let on_border = b.iter().any(|b| b.abs() <= rounding);
-            // On the border one may have been moved there, by at most the 1/256 texel that corners are moved by.
+            // On the border one may have been moved there, by at most the 1/256 texel that corners
+            // are moved by.
             let allowed = if on_border { rounding + slope * 2.0 / 256.0 } else { rounding };
             let close = |a: f32, b: f32| f64::from((a - b).abs()) <= allowed;
             if !(close(e.b0, f.b0) && close(e.b1, f.b1)) {
@@ -103,7 +107,8 @@ fn whole(width: u32, height: u32) -> Tile {
     Tile { x: 0, y: 0, width, height }
 }
 
-/// Triangles over several repeats of the texture, with corners anywhere or on texel centres and edges, where ties are.
+/// Triangles over several repeats of the texture, with corners anywhere or on texel centres and
+/// edges, where ties are.
 fn scattered(r: &mut Random, count: usize, span: f64, steps: Option<f64>) -> Mesh {
     let corner = |r: &mut Random| {
         let c = (r.unit() - 0.2) * span;

@@ -1,4 +1,5 @@
-//! The kernel `sample_texture` against its reference, and whole transfers where the device runs all stages.
+//! The kernel `sample_texture` against its reference, and whole transfers where the device runs all
+//! stages.
 
 use barymap::engine::{Backend, Engine, EngineOptions, Gpu};
 use barymap::geometry::{Material, Mesh, MeshBuilder, NONE, Wrap};
@@ -63,8 +64,8 @@ fn footprints(image: &Image, count: usize, r: &mut Random) -> Vec<Footprint> {
     found
 }
 
-/// What rounding may do to a colour: the error allowed, in the range of the samples, and whether the filter is about to decide
-/// otherwise (number of taps, level).
+/// What rounding may do to a colour: the error allowed, in the range of the samples, and whether
+/// the filter is about to decide otherwise (number of taps, level).
 fn allowed(f: &Footprint, chain: &MipChain<'_>, params: &SampleParams) -> (f64, bool) {
     let image = chain.image;
     let size = [f64::from(image.width), f64::from(image.height)];
@@ -95,8 +96,8 @@ fn allowed(f: &Footprint, chain: &MipChain<'_>, params: &SampleParams) -> (f64, 
             near(along.min(1.0 - along), 0.0, wide / step) || near(narrow / step, 1.0 + slack, wide / step)
         }
     };
-    // Places are sums of the centre in texels and of offsets along the axes, which turn by the rounding of sums of squares: any axis will do
-    // for an ellipse that is almost round.
+    // Places are sums of the centre in texels and of offsets along the axes, which turn by the
+    // rounding of sums of squares: any axis will do for an ellipse that is almost round.
     let turn = (4.0 * EPSILON * wide * wide / root.max(f64::MIN_POSITIVE)).min(1.0);
     let offsets =
         if params.filter == Filter::Anisotropic { turn * (wide - narrow) + 4.0 * EPSILON * wide } else { 0.0 };
@@ -108,7 +109,8 @@ fn allowed(f: &Footprint, chain: &MipChain<'_>, params: &SampleParams) -> (f64, 
         Wrap::Clamp => size[a] * f64::from(f.centre[a].abs()).clamp(1.0, 1000.0),
     });
     let places = 4.0 * EPSILON * (sides[0].max(sides[1]) + 1.0);
-    // From texel to texel a colour may change by all of its range, along either axis, at the level it is read from.
+    // From texel to texel a colour may change by all of its range, along either axis, at the level
+    // it is read from.
     let colour = 2.0 * (places + offsets / step);
     (colour + 2.0 * log + 32.0 * EPSILON, decides)
 }
@@ -336,7 +338,8 @@ impl Scene {
     }
 }
 
-/// Whether two transfers are the same but for the rounding of colours: integers by one step on the edge between two.
+/// Whether two transfers are the same but for the rounding of colours: integers by one step on the
+/// edge between two.
 fn same_transfer(a: &TransferOutput, b: &TransferOutput) -> Result<(), String> {
     if a.coverage != b.coverage {
         return Err("coverage differs".into());
@@ -367,7 +370,8 @@ fn same_transfer(a: &TransferOutput, b: &TransferOutput) -> Result<(), String> {
             }
             apart += usize::from(off > 0.0);
         }
-        // Rounding of 1e-6 shows in a step of 1/255 once in thousands, in one of 1/65535 more often.
+        // Rounding of 1e-6 shows in a step of 1/255 once in thousands, in one of 1/65535 more
+        // often.
         let share = match x.depth() {
             Depth::U8 => 1000,
             Depth::U16 => 10,

@@ -10,7 +10,8 @@ use barymap::tools::warp::pyramid::Pyramid;
 
 use super::devices;
 
-/// A band whose pixels are moved, turned, reduced and stretched, more towards the right; every fifth sees nothing.
+/// A band whose pixels are moved, turned, reduced and stretched, more towards the right; every
+/// fifth sees nothing.
 fn band(rows: usize, width: usize, strength: f32, far: i32) -> (Band, Vec<[i32; 2]>, Footprints) {
     let band = Band { first: 0, rows, width };
     let mut seen = Footprints::new(band.len(), true);

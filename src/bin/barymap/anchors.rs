@@ -1,4 +1,5 @@
-//! `barymap anchors`: anchors proposed from a few pairs or none, wrong ones named, and where the next ones would help most.
+//! `barymap anchors`: anchors proposed from a few pairs or none, wrong ones named, and where the
+//! next ones would help most.
 
 use std::path::{Path, PathBuf};
 
@@ -43,7 +44,8 @@ pub(crate) struct Arguments {
     /// Print the N places of the target where a pair made by hand would help most
     #[arg(long, value_name = "N", default_value_t = 0)]
     suggest: usize,
-    /// A picture of both meshes with the pairs, or with the suggested places and where the map sends them
+    /// A picture of both meshes with the pairs, or with the suggested places and where the map
+    /// sends them
     #[arg(long)]
     picture: Option<PathBuf>,
     #[command(flatten)]
@@ -114,7 +116,8 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     }
     let mut suggestions = Vec::new();
     if arguments.suggest > 0 {
-        // The places are those that the pairs made by hand leave open, not those that were proposed for them.
+        // The places are those that the pairs made by hand leave open, not those that were proposed
+        // for them.
         let known = if seeds.is_empty() { &pairs } else { &seeds };
         suggestions = suggest(source.shape(), target.shape(), known, arguments.suggest)?;
         say_suggestions(&session, &source, &target, &suggestions);

@@ -35,10 +35,12 @@ pub(crate) struct Arguments {
     /// The clip: C3D, TRC, CSV, BVH, AMC, or SKELETON.asf,CLIP.amc
     #[arg(long)]
     motion: PathBuf,
-    /// Which vertices markers or joints move: JSON {"LKNE": 4711, "HEAD": [x, y, z], "LeftArm": {"vertices": [17, 29]}}; without it they are guessed
+    /// Which vertices markers or joints move: JSON {"LKNE": 4711, "HEAD": [x, y, z], "LeftArm":
+    /// {"vertices": [17, 29]}}; without it they are guessed
     #[arg(long)]
     markers: Option<PathBuf>,
-    /// The pose of the clip that is the mesh's: a frame counted from 0, or `rest` for a skeleton with all rotations zero
+    /// The pose of the clip that is the mesh's: a frame counted from 0, or `rest` for a skeleton
+    /// with all rotations zero
     #[arg(long, value_parser = reference)]
     reference: Option<Reference>,
     /// First frame of the clip
@@ -50,19 +52,23 @@ pub(crate) struct Arguments {
     /// Frames per second to make: every so manieth of the clip is taken
     #[arg(long, default_value_t = RATE)]
     rate: f64,
-    /// Longest gap that is interpolated, in seconds; over longer ones a marker moves with those around it
+    /// Longest gap that is interpolated, in seconds; over longer ones a marker moves with those
+    /// around it
     #[arg(long, default_value_t = GapOptions::default().longest)]
     gap: f64,
     /// How short gaps are closed
     #[arg(long, value_enum, default_value = "cubic")]
     interpolation: InterpolationName,
-    /// How far the frames are minimised: preview or default follow the shape in the large and make the rest afresh; fine and converged solve each frame
+    /// How far the frames are minimised: preview or default follow the shape in the large and make
+    /// the rest afresh; fine and converged solve each frame
     #[arg(long, value_enum, default_value = "default")]
     quality: QualityName,
-    /// Keeps the lengths of edges, so that parts with few markers keep their size; 0 is plain encoding
+    /// Keeps the lengths of edges, so that parts with few markers keep their size; 0 is plain
+    /// encoding
     #[arg(long, default_value_t = 1.0)]
     stiffness: f64,
-    /// Largest distance of a vertex from its place in a GLB, in the mesh's units; 0 stores every frame
+    /// Largest distance of a vertex from its place in a GLB, in the mesh's units; 0 stores every
+    /// frame
     #[arg(long)]
     tolerance: Option<f64>,
     /// A picture of twelve frames

@@ -44,8 +44,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_enum, default_value = "smooth")]
     fill: FillName,
     /// The data on the target's vertices: CSV, NPY or PLY, or for --kind weights the target as GLB
-    /// with joints; one for
-    /// each file
+    /// with joints; one for each file
     #[arg(long, short, required = true, num_args = 1..)]
     output: Vec<PathBuf>,
     #[command(flatten)]

@@ -23,11 +23,12 @@ pub(crate) struct Arguments {
     /// A texture of the source, as for `transfer`; the results have its name
     #[arg(long)]
     texture: Vec<String>,
-    /// File names of the new textures in each result's folder, in place of the textures' own: one for each layer, or one with <ROLE>; <UDIM> and
-    /// <MATERIAL> as for `transfer`
+    /// File names of the new textures in each result's folder, in place of the textures' own: one
+    /// for each layer, or one with <ROLE>; <UDIM> and <MATERIAL> as for `transfer`
     #[arg(long)]
     picture: Vec<String>,
-    /// The targets: a folder of meshes with their anchors beside them (a.obj, a.json), or a list of both in JSON or CSV
+    /// The targets: a folder of meshes with their anchors beside them (a.obj, a.json), or a list of
+    /// both in JSON or CSV
     #[arg(long)]
     targets: PathBuf,
     /// Folder for the results, one folder in it for each target
@@ -40,7 +41,8 @@ pub(crate) struct Arguments {
     method: MethodArguments,
     #[command(flatten)]
     kinds: LayerKinds,
-    /// What the results look like; `--coverage`, `--stmap`, `--model` and `--unwrapped` are names of files in each result's folder
+    /// What the results look like; `--coverage`, `--stmap`, `--model` and `--unwrapped` are names
+    /// of files in each result's folder
     #[command(flatten)]
     look: Look,
     #[command(flatten)]
@@ -133,7 +135,8 @@ impl Arguments {
         )
     }
 
-    /// File names of the layers of a result: those of `--picture`, else those of their textures, else their roles.
+    /// File names of the layers of a result: those of `--picture`, else those of their textures,
+    /// else their roles.
     ///
     /// # Errors
     /// If two files of a result had the same name, or one is not a plain name.
@@ -172,7 +175,8 @@ impl Arguments {
     }
 }
 
-/// The name of a layer's picture: that of its texture, without the number of a tile, in a format that holds all it can have (JPEG becomes PNG).
+/// The name of a layer's picture: that of its texture, without the number of a tile, in a format
+/// that holds all it can have (JPEG becomes PNG).
 fn layer_name(texture: &str) -> String {
     let path = Path::new(texture);
     let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();

@@ -14,7 +14,8 @@ use crate::transfer::Textures;
 /// The record's file in the folder of a result.
 pub(crate) const FILE: &str = "item.json";
 
-/// Changes whenever the same inputs and options may give another result, or the record another form.
+/// Changes whenever the same inputs and options may give another result, or the record another
+/// form.
 const VERSION: u32 = 1;
 
 /// The record of a result. The same inputs and options give the same bytes: it holds no times.

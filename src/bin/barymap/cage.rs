@@ -29,7 +29,8 @@ pub(crate) struct Arguments {
     /// has beside the mesh
     #[arg(long, short)]
     output: PathBuf,
-    /// How the vertices of the cage move from one to the other: by mean-value encoding, which keeps turns, or straight
+    /// How the vertices of the cage move from one to the other: by mean-value encoding, which keeps
+    /// turns, or straight
     #[arg(long, value_enum, default_value = "encoded")]
     path: PathName,
     /// How the map is cut into steps that do not fold: binary, direct, uniform:M or continuous
@@ -38,13 +39,15 @@ pub(crate) struct Arguments {
     /// Steps no longer than this are not halved any more
     #[arg(long, default_value_t = PartitionOptions::default().eps)]
     eps: f64,
-    /// Cells of the grid of samples inside the cage, along its longest side, at which the Jacobian is tested
+    /// Cells of the grid of samples inside the cage, along its longest side, at which the Jacobian
+    /// is tested
     #[arg(long, default_value_t = RESOLUTION)]
     resolution: u32,
     /// From the deformed cage back to the first, exactly
     #[arg(long)]
     inverse: bool,
-    /// End with an error, and without an output, if the map folds or a cage on the way intersects itself
+    /// End with an error, and without an output, if the map folds or a cage on the way intersects
+    /// itself
     #[arg(long)]
     strict: bool,
 }
@@ -73,7 +76,8 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     check_outputs([arguments.output.as_path()])?;
     let format = ModelFormat::of(&arguments.output, &[ModelFormat::Obj, ModelFormat::Ply, ModelFormat::Glb])?;
     let mut session = Session::start(common)?;
-    // A software adapter runs the kernels on the same processor, slower than the processor's own code.
+    // A software adapter runs the kernels on the same processor, slower than the processor's own
+    // code.
     let software = session.engine.gpu().is_some_and(|g| g.capabilities().software);
     if software && matches!(common.backend, BackendName::Auto) {
         session.engine = Engine::cpu();

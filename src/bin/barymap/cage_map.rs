@@ -1,4 +1,5 @@
-//! What `warp` and `warp-points` share: the cage, its partition, its certificate, and the report about them.
+//! What `warp` and `warp-points` share: the cage, its partition, its certificate, and the report
+//! about them.
 
 use std::path::{Path, PathBuf};
 
@@ -17,17 +18,20 @@ use crate::common::{Session, usage};
 /// How a cage becomes a map.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct MappingArguments {
-    /// The cage: JSON with the polygons `source` and `target`, each one loop [[x,y],...] or a list of nested loops
+    /// The cage: JSON with the polygons `source` and `target`, each one loop [[x,y],...] or a list
+    /// of nested loops
     #[arg(long)]
     pub(crate) cage: PathBuf,
     /// How the vertices move from source to target; where a path fails, the next one is taken
     #[arg(long, value_enum, default_value = "intrinsic")]
     path: PathName,
-    /// How the map is cut into steps that do not fold: binary, direct, uniform:M, uniform:auto or continuous
+    /// How the map is cut into steps that do not fold: binary, direct, uniform:M, uniform:auto or
+    /// continuous
     #[arg(long, default_value = "binary", value_parser = partition_kind)]
     partition: PartitionKind,
-    /// Steps no longer than this are not halved any more; those of the compatible path, the last resort, may be, to a 65,536th
-    /// of it (a note says so, and `steps_below_eps` of the report counts them)
+    /// Steps no longer than this are not halved any more; those of the compatible path, the last
+    /// resort, may be, to a 65,536th of it (a note says so, and `steps_below_eps` of the report
+    /// counts them)
     #[arg(long, default_value_t = PartitionOptions::default().eps)]
     eps: f64,
     /// Samples along the longer side of a polygon, for its smallest Jacobian

@@ -23,7 +23,8 @@ use crate::progress_bar::Bars;
 /// Options of every command.
 #[derive(Args, Debug)]
 pub(crate) struct Common {
-    /// Where the work is done: auto takes the best adapter and falls back to the CPU; reference is double precision
+    /// Where the work is done: auto takes the best adapter and falls back to the CPU; reference is
+    /// double precision
     #[arg(long, value_enum, default_value = "auto", global = true)]
     pub(crate) backend: BackendName,
     /// Part of the name of the adapter to use (see `barymap devices`)
@@ -46,13 +47,11 @@ pub(crate) struct Common {
     #[arg(long, short, global = true)]
     pub(crate) quiet: bool,
     /// Join open edges of a mesh that lie within this distance of one another, which keeps vertex
-    /// numbers; 0 joins
-    /// those on one another, no joins none
+    /// numbers; 0 joins those on one another, no joins none
     #[arg(long, value_name = "TOLERANCE|no", default_value = "0", value_parser = weld, global = true)]
     pub(crate) weld: Weld,
     /// Which set of texture coordinates of glTF files is used: one number, or the source's and the
-    /// target's. Without it, the
-    /// one that the material's base colour has
+    /// target's. Without it, the one that the material's base colour has
     #[arg(long, value_name = "N[,N]", value_delimiter = ',', num_args = 1..=2, global = true)]
     pub(crate) uv_set: Vec<usize>,
 }
@@ -113,7 +112,8 @@ fn weld(text: &str) -> std::result::Result<Weld, String> {
     }
 }
 
-/// A line on stdout. Where nobody reads it any more (`barymap ... | head -1`), the work goes on without it.
+/// A line on stdout. Where nobody reads it any more (`barymap ... | head -1`), the work goes on
+/// without it.
 pub(crate) fn line(text: &str) {
     // There is nobody to tell that nobody listens.
     let _ = writeln!(std::io::stdout(), "{text}");
@@ -263,7 +263,8 @@ impl<'a> Session<'a> {
         Ok(Surface { mesh, topology, embedding: None, scene: None })
     }
 
-    /// Embeds a surface, or takes its embedding from the cache. The options are the same for a whole command: a surface that has an embedding keeps it.
+    /// Embeds a surface, or takes its embedding from the cache. The options are the same for a
+    /// whole command: a surface that has an embedding keeps it.
     pub(crate) fn embed(&mut self, surface: &mut Surface, options: &EmbeddingOptions) -> Result<()> {
         if surface.embedding.is_some() {
             return Ok(());

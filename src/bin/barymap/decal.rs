@@ -23,11 +23,12 @@ use crate::transfer::FilterName;
 pub(crate) struct Arguments {
     /// The mesh that the picture is laid onto
     mesh: PathBuf,
-    /// Where: JSON {"anchors": [...], "uv": [[u, v], ...]}; exactly four may be without "uv" and are the picture's corners, counter-clockwise from
-    /// its lower left as seen from outside
+    /// Where: JSON {"anchors": [...], "uv": [[u, v], ...]}; exactly four may be without "uv" and
+    /// are the picture's corners, counter-clockwise from its lower left as seen from outside
     #[arg(long)]
     anchors: PathBuf,
-    /// The picture, with alpha or without; not needed for an OBJ, whose coordinates then are for a square one
+    /// The picture, with alpha or without; not needed for an OBJ, whose coordinates then are for a
+    /// square one
     #[arg(long)]
     image: Option<PathBuf>,
     /// The mesh's texture so far; without it the result is the decal alone on transparent ground

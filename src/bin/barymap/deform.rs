@@ -61,7 +61,8 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         return Err(usage("--stiffness", "the value is out of range", "Give a number from 0 to 1000000"));
     }
     let mut session = Session::start(common)?;
-    // A software adapter runs the kernels on the same processor, slower than the processor's own code.
+    // A software adapter runs the kernels on the same processor, slower than the processor's own
+    // code.
     let software = session.engine.gpu().is_some_and(|g| g.capabilities().software);
     if software && matches!(common.backend, BackendName::Auto) {
         session.engine = Engine::cpu();

@@ -10,10 +10,12 @@ use crate::transfer::Textures;
 /// Meanings of the layers.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(crate) struct LayerKinds {
-    /// What a layer holds, once per layer in their order; layers without are what their role says (normal, label, displacement), else colour
+    /// What a layer holds, once per layer in their order; layers without are what their role says
+    /// (normal, label, displacement), else colour
     #[arg(long, value_enum)]
     kind: Vec<KindName>,
-    /// Where the green channel of tangent-space normal maps points: up in the picture (OpenGL, glTF) or down (DirectX)
+    /// Where the green channel of tangent-space normal maps points: up in the picture (OpenGL,
+    /// glTF) or down (DirectX)
     #[arg(long, value_enum, default_value = "up")]
     normal_y: NormalYName,
     /// What becomes of the relief of normal and displacement maps where the surface is stretched

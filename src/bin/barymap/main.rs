@@ -69,7 +69,8 @@ enum Command {
     Map(map::Arguments),
     /// Transfers a texture from one mesh to a different one
     Transfer(transfer::Arguments),
-    /// Carries data of vertices from one mesh to a different one: skin weights, colours, scalars, labels, vectors
+    /// Carries data of vertices from one mesh to a different one: skin weights, colours, scalars,
+    /// labels, vectors
     Attributes(attributes::Arguments),
     /// Transfers the texture of one mesh to many others
     Batch(batch::Arguments),

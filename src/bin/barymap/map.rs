@@ -34,10 +34,12 @@ pub(crate) struct Arguments {
     points: Option<PathBuf>,
     #[command(flatten)]
     method: MethodArguments,
-    /// The inverse: for every vertex of the source the point of the target that goes there; its own residual counts against it
+    /// The inverse: for every vertex of the source the point of the target that goes there; its own
+    /// residual counts against it
     #[arg(long, conflicts_with = "points")]
     inverse: bool,
-    /// Make the map from the source to the target too, and report how far points come back from where they were
+    /// Make the map from the source to the target too, and report how far points come back from
+    /// where they were
     #[arg(long)]
     cycle: bool,
     #[command(flatten)]

@@ -29,10 +29,12 @@ pub(crate) struct MethodArguments {
     /// How points are carried
     #[arg(long, value_enum, default_value = "field")]
     method: MethodName,
-    /// Whether images are drawn onto the source by a smooth relaxation: yes for `field`, no for `rbf` unless asked for
+    /// Whether images are drawn onto the source by a smooth relaxation: yes for `field`, no for
+    /// `rbf` unless asked for
     #[arg(long, value_name = "yes|no", num_args = 0..=1, default_missing_value = "yes", value_parser = yes_or_no)]
     relax: Option<bool>,
-    /// Embed the target once more, from where its landmarks are on the source, and keep that if anchors left out say it is better; with `field`, from five anchors on
+    /// Embed the target once more, from where its landmarks are on the source, and keep that if
+    /// anchors left out say it is better; with `field`, from five anchors on
     #[arg(long)]
     align: bool,
 }
@@ -115,7 +117,8 @@ pub(crate) fn prepare(
     Ok(map)
 }
 
-/// The target's embedding aligned with the source's for these anchors, where that is better. The target keeps its own: another pair may want another.
+/// The target's embedding aligned with the source's for these anchors, where that is better. The
+/// target keeps its own: another pair may want another.
 fn aligned(
     session: &mut Session<'_>,
     source: &Surface,

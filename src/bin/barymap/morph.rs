@@ -24,28 +24,32 @@ use crate::model_file::write_glb;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    /// Two or more meshes of the same connectivity, or of any with --pairs; with --frames they are passed through in this order. A turn by more than 180
-    /// degrees needs a mesh on the way
+    /// Two or more meshes of the same connectivity, or of any with --pairs; with --frames they are
+    /// passed through in this order. A turn by more than 180 degrees needs a mesh on the way
     #[arg(required = true, num_args = 2..)]
     meshes: Vec<PathBuf>,
-    /// Pairs of anchors of the first mesh ("source") and the second ("target"), which then may be of any connectivity: it takes that of the first. For
-    /// more meshes repeat it, once for each after the first
+    /// Pairs of anchors of the first mesh ("source") and the second ("target"), which then may be
+    /// of any connectivity: it takes that of the first. For more meshes repeat it, once for each
+    /// after the first
     #[arg(long)]
     pairs: Vec<String>,
     /// With --pairs: write the first mesh in the shape of the last (OBJ or PLY)
     #[arg(long, requires = "pairs")]
     compatible: Option<PathBuf>,
-    /// Number of frames from the first mesh to the last, both included; with a mask, from the mesh that rules at the anchors to the blend
+    /// Number of frames from the first mesh to the last, both included; with a mask, from the mesh
+    /// that rules at the anchors to the blend
     #[arg(long, conflicts_with = "weights")]
     frames: Option<usize>,
     /// One blend instead of frames: a weight a mesh, for example 0.3,0.7
     #[arg(long, value_delimiter = ',', allow_hyphen_values = true)]
     weights: Option<Vec<f64>>,
-    /// One blend with weights of its own at every vertex: a text file with the share of the second mesh (0 to 1) a line, or a PLY of the mesh painted white
-    /// where the second one shall be; for more meshes see the documentation
+    /// One blend with weights of its own at every vertex: a text file with the share of the second
+    /// mesh (0 to 1) a line, or a PLY of the mesh painted white where the second one shall be; for
+    /// more meshes see the documentation
     #[arg(long, conflicts_with = "weights")]
     mask: Option<PathBuf>,
-    /// Vertices that carry position, turn and size, one index a line; chosen where the meshes differ least if not given
+    /// Vertices that carry position, turn and size, one index a line; chosen where the meshes
+    /// differ least if not given
     #[arg(long)]
     anchors: Option<PathBuf>,
     /// Format of the files in a folder
@@ -54,7 +58,8 @@ pub(crate) struct Arguments {
     /// Seconds that the animation of a GLB takes
     #[arg(long, default_value_t = 2.0)]
     seconds: f64,
-    /// A folder for the frames, or an animation as OUT.glb; one blend alone may also be OUT.obj or OUT.ply
+    /// A folder for the frames, or an animation as OUT.glb; one blend alone may also be OUT.obj or
+    /// OUT.ply
     #[arg(long, short)]
     output: PathBuf,
     #[command(flatten)]
@@ -256,7 +261,8 @@ fn bring(
     pairs: &str,
     arguments: &Arguments,
 ) -> Result<CompatibleReport> {
-    // The correspondence goes from the mesh that receives to the one that is looked up: from the first to the other.
+    // The correspondence goes from the mesh that receives to the one that is looked up: from the
+    // first to the other.
     let anchors = anchor_pairs(pairs, first, other, session)?;
     if anchors.len() < FEWEST {
         let what = format!("{pairs}: {} pairs are too few", anchors.len());

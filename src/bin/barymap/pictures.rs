@@ -1,6 +1,5 @@
 //! Pictures that commands read and write: with what their files tell, and with notes on what a
-//! format
-//! has no place for.
+//! format has no place for.
 
 use std::path::Path;
 

@@ -6,7 +6,8 @@ use std::time::Duration;
 use barymap::progress::Progress;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-/// Shows one bar per stage on stderr, with a rate and the time left; stages under a second are not worth one and leave nothing behind.
+/// Shows one bar per stage on stderr, with a rate and the time left; stages under a second are not
+/// worth one and leave nothing behind.
 #[derive(Debug)]
 pub(crate) struct Bars {
     bar: Mutex<Option<ProgressBar>>,

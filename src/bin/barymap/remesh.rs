@@ -8,14 +8,16 @@ use serde_json::json;
 
 use crate::common::{Common, EmbeddingArguments, Session, check_outputs, usage};
 
-/// Distance from the mesh, in its diagonals, from which a vertex of the base mesh is called far off.
+/// Distance from the mesh, in its diagonals, from which a vertex of the base mesh is called far
+/// off.
 const FAR: f64 = 0.1;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
     /// The mesh
     mesh: PathBuf,
-    /// The coarse mesh, best of quads, near the mesh: OBJ, PLY, OFF; its vertices are moved onto the mesh. `auto` makes one by decimation and pairs of triangles
+    /// The coarse mesh, best of quads, near the mesh: OBJ, PLY, OFF; its vertices are moved onto
+    /// the mesh. `auto` makes one by decimation and pairs of triangles
     #[arg(long)]
     base: PathBuf,
     /// Vertices of the base mesh that `auto` makes
@@ -30,7 +32,8 @@ pub(crate) struct Arguments {
     /// How far a step goes towards the average of the neighbours: above 0, at most 1
     #[arg(long, default_value_t = RemeshOptions::default().step)]
     step: f64,
-    /// Whether a step keeps lengths of edges even: auto, as far as their variance falls; 0, not at all, as in the paper; up to 1, nothing but that
+    /// Whether a step keeps lengths of edges even: auto, as far as their variance falls; 0, not at
+    /// all, as in the paper; up to 1, nothing but that
     #[arg(long, default_value = "auto", value_parser = evenness)]
     even: Evenness,
     /// The quad mesh: OBJ or PLY

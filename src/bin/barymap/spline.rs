@@ -23,7 +23,8 @@ const FAR: f64 = 0.05;
 pub(crate) struct Arguments {
     /// The mesh
     mesh: PathBuf,
-    /// The control points: a JSON list of vertex indices, {"face": f, "barycentric": [b0, b1, b2]} and {"position": [x, y, z]}
+    /// The control points: a JSON list of vertex indices, {"face": f, "barycentric": [b0, b1, b2]}
+    /// and {"position": [x, y, z]}
     #[arg(long)]
     points: PathBuf,
     /// The curve: PLY with edges, OBJ with lines, or a drawing as SVG
@@ -32,13 +33,15 @@ pub(crate) struct Arguments {
     /// B-spline or Bezier pieces
     #[arg(long, value_enum, default_value = "bspline")]
     kind: Kind,
-    /// Degree: 1 to 5 of a B-spline (default 3), of each Bezier piece (default: one piece; 3 where closed)
+    /// Degree: 1 to 5 of a B-spline (default 3), of each Bezier piece (default: one piece; 3 where
+    /// closed)
     #[arg(long)]
     degree: Option<usize>,
     /// Close the curve
     #[arg(long)]
     closed: bool,
-    /// One average a point, or repeated averages of neighbouring control points first: slower, and smooth where control points are far apart
+    /// One average a point, or repeated averages of neighbouring control points first: slower, and
+    /// smooth where control points are far apart
     #[arg(long, value_enum, default_value = "direct")]
     mode: Mode,
     /// Largest distance of the curve from its polyline, as a fraction of the mesh's diagonal

@@ -1,4 +1,5 @@
-//! `barymap unwrap`: texture coordinates for a mesh without, and the same for the targets of other commands.
+//! `barymap unwrap`: texture coordinates for a mesh without, and the same for the targets of other
+//! commands.
 
 use std::path::PathBuf;
 
@@ -35,7 +36,8 @@ pub(crate) struct Arguments {
 /// How charts are made.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub(crate) struct Angle {
-    /// Largest angle between a face and the mean of its chart, in degrees: smaller makes flatter charts and more seams
+    /// Largest angle between a face and the mean of its chart, in degrees: smaller makes flatter
+    /// charts and more seams
     #[arg(long, default_value_t = 70.0)]
     chart_angle: f64,
 }
@@ -43,7 +45,8 @@ pub(crate) struct Angle {
 /// Charts for a target, as an option of other commands.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Charts {
-    /// Make texture coordinates for the target, whether it has any or not; --unwrapped or --model has them
+    /// Make texture coordinates for the target, whether it has any or not; --unwrapped or --model
+    /// has them
     #[arg(long)]
     pub(crate) unwrap: bool,
     /// Write the target with the texture coordinates that --unwrap made: OBJ or GLB
@@ -64,7 +67,8 @@ pub(crate) struct Shown {
 }
 
 impl Charts {
-    /// Checks what can be checked before the work; `has_model` if a file with the texture coordinates is written anyway.
+    /// Checks what can be checked before the work; `has_model` if a file with the texture
+    /// coordinates is written anyway.
     pub(crate) fn check(&self, size: (u32, u32), has_model: bool) -> Result<()> {
         if !self.unwrap {
             return Ok(());
@@ -80,8 +84,8 @@ impl Charts {
         self.unwrapped.as_deref().map_or(Ok(()), |path| ModelFormat::of(path, FORMATS).map(|_| ()))
     }
 
-    /// Unwraps the target where that is asked for, writes it, and says what is unfit about texture coordinates that are kept. What the report
-    /// should have comes back.
+    /// Unwraps the target where that is asked for, writes it, and says what is unfit about texture
+    /// coordinates that are kept. What the report should have comes back.
     pub(crate) fn apply(&self, session: &mut Session<'_>, target: &mut Surface, shown: &Shown) -> Result<Value> {
         let size = shown.size;
         if !self.unwrap {

@@ -40,13 +40,15 @@ pub(crate) struct Arguments {
     /// How colours are taken from the picture
     #[arg(long, value_enum, default_value = "ewa")]
     filter: FilterName,
-    /// What is shown outside the target polygon, and in its holes: the map as it goes on there, the picture as it was, or nothing
+    /// What is shown outside the target polygon, and in its holes: the map as it goes on there, the
+    /// picture as it was, or nothing
     #[arg(long, value_enum, default_value = "map")]
     outside: OutsideName,
     /// Size of the result: WIDTHxHEIGHT, or one number for a square; the picture's own if not given
     #[arg(long, value_parser = size)]
     canvas: Option<(u32, u32)>,
-    /// Write a sequence from source to target instead: OUTPUT_0000.png and so on, which appear together at the end
+    /// Write a sequence from source to target instead: OUTPUT_0000.png and so on, which appear
+    /// together at the end
     #[arg(long)]
     frames: Option<u32>,
     /// Write a picture of the Jacobian, with its scale
@@ -227,7 +229,8 @@ struct Frames {
 }
 
 impl Frames {
-    /// The maps of all frames; those that are cut off within a step are tested for folds of their own.
+    /// The maps of all frames; those that are cut off within a step are tested for folds of their
+    /// own.
     fn new(session: &Session<'_>, made: &CageMap, outputs: Vec<PathBuf>) -> Result<Self> {
         let mut list = Vec::new();
         let mut pairs = Vec::new();

@@ -34,11 +34,13 @@ pub(crate) struct Arguments {
     /// From the target back to the source, exactly
     #[arg(long)]
     inverse: bool,
-    /// Write the Jacobian of the map as well (CSV): with --inverse, that of the forward map at the pre-image
+    /// Write the Jacobian of the map as well (CSV): with --inverse, that of the forward map at the
+    /// pre-image
     #[arg(long)]
     jacobian: bool,
-    /// Largest distance of a drawn line from the true image, in the units of the cage: SVG lines and curves are divided as far
-    /// as that needs (1/10000 of the cage's size if not given), GeoJSON lines only if it is given
+    /// Largest distance of a drawn line from the true image, in the units of the cage: SVG lines
+    /// and curves are divided as far as that needs (1/10000 of the cage's size if not given),
+    /// GeoJSON lines only if it is given
     #[arg(long)]
     tolerance: Option<f64>,
 }

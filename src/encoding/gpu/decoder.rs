@@ -24,7 +24,8 @@ enum Part<T> {
 }
 
 impl<T> Part<T> {
-    /// The part, made by `new` if it was not tried yet. What does not fit the device is left to the CPU, and a note says why.
+    /// The part, made by `new` if it was not tried yet. What does not fit the device is left to the
+    /// CPU, and a note says why.
     fn get(
         &mut self,
         what: impl FnOnce() -> String,
@@ -58,7 +59,8 @@ pub struct DeviceStages {
 }
 
 impl DeviceStages {
-    /// Nothing on the device of `engine` yet; `None` if it has none, or keeps these kernels on the CPU.
+    /// Nothing on the device of `engine` yet; `None` if it has none, or keeps these kernels on the
+    /// CPU.
     pub(crate) fn new(engine: &Engine) -> Option<Self> {
         let wanted = [SPLIT_LEVEL.name, ENCODING_APPLY.name].iter().any(|k| engine.gpu_for(k).is_some());
         wanted.then(|| Self {
@@ -137,7 +139,8 @@ fn stage_solver(gpu: &Gpu, h: &Hierarchy, k: usize) -> Result<StageSolver> {
     StageSolver::new(gpu, StageKernels::new(gpu, &stage.stencils, &stage.encoding, h.held)?)
 }
 
-/// Where single precision has its origin, and its unit: a power of two, so that scaling rounds nothing.
+/// Where single precision has its origin, and its unit: a power of two, so that scaling rounds
+/// nothing.
 struct Frame {
     origin: DVec3,
     scale: f64,

@@ -44,7 +44,8 @@ pub(super) static DOT: Kernel = Kernel {
     constants: &[],
 };
 
-/// A vector within a buffer: where it is bound, and its first entry and stride in units of four numbers.
+/// A vector within a buffer: where it is bound, and its first entry and stride in units of four
+/// numbers.
 #[derive(Debug)]
 pub(super) struct Vector<'a> {
     pub(super) binding: Binding<'a>,
@@ -52,7 +53,8 @@ pub(super) struct Vector<'a> {
     pub(super) stride: u32,
 }
 
-/// Sums of products of two vectors, in one or several segments of equal length, ready to be recorded. The sums stay on the device.
+/// Sums of products of two vectors, in one or several segments of equal length, ready to be
+/// recorded. The sums stay on the device.
 #[derive(Debug)]
 pub(super) struct Dot {
     pipeline: Arc<Pipeline>,
@@ -62,7 +64,8 @@ pub(super) struct Dot {
 }
 
 impl Dot {
-    /// Sums over `count` entries in each of `segments` segments, to the first component of `scalars[to..to + segments]`.
+    /// Sums over `count` entries in each of `segments` segments, to the first component of
+    /// `scalars[to..to + segments]`.
     pub(super) fn new(
         gpu: &Gpu,
         [a, b]: [Vector<'_>; 2],
@@ -99,7 +102,8 @@ impl Dot {
             ];
             let group = gpu.bind(&dot.pipeline, &bindings)?;
             dot.levels.push((group, segments * runs * RUN));
-            // A buffer must live as long as the bind group that reads it; the bind group itself keeps the device's memory.
+            // A buffer must live as long as the bind group that reads it; the bind group itself
+            // keeps the device's memory.
             if let Some(before) = from.take() {
                 dot._held.push((params, before));
             } else {
@@ -122,7 +126,8 @@ impl Dot {
 /// The sum of the products of two lists, on the device and in its order.
 ///
 /// # Errors
-/// [`Error::Device`](crate::Error::Device), [`Error::Memory`](crate::Error::Memory), or [`Error::Capability`](crate::Error::Capability).
+/// [`Error::Device`](crate::Error::Device), [`Error::Memory`](crate::Error::Memory), or
+/// [`Error::Capability`](crate::Error::Capability).
 pub fn dot_on_device(gpu: &Gpu, a: &[V3<f32>], b: &[V3<f32>]) -> Result<f32> {
     if a.len() != b.len() {
         return Err(super::fault("vectors of different lengths"));

@@ -1,5 +1,5 @@
-//! Gauss-Newton steps by conjugate gradients on a device. Lengths of steps and all other scalars stay there; what comes back is G for the
-//! lengths of the line search, and the shape.
+//! Gauss-Newton steps by conjugate gradients on a device. Lengths of steps and all other scalars
+//! stay there; what comes back is G for the lengths of the line search, and the shape.
 
 use super::WORK;
 use super::dot::{Dot, Vector};
@@ -93,8 +93,8 @@ const LENGTHS: usize = 8;
 /// Relative size of what is left at which a solve ends.
 const TOLERANCE: f32 = 1e-4;
 
-/// G of a row (in squared lengths of a shape of size one) below which it is rounding: residuals are differences of positions that have
-/// seven digits.
+/// G of a row (in squared lengths of a shape of size one) below which it is rounding: residuals are
+/// differences of positions that have seven digits.
 const NOISE: f64 = 1e-14;
 
 /// The solver of one stage.
@@ -139,7 +139,8 @@ impl StageSolver {
         };
         let search = [trial.params.bind(0), k.positions.bind(), k.solve.bind(), trial.positions.bind()];
         let free = k.vertices - k.held;
-        // In units of four numbers: a row's product is three of them, a vertex of a solve too, its residual being the second.
+        // In units of four numbers: a row's product is three of them, a vertex of a solve too, its
+        // residual being the second.
         let rows = |binding| Vector { binding, first: 0, stride: 3 };
         let values = |binding| [rows(binding), rows(k.products.bind())];
         let rho = |to: usize| {
@@ -166,8 +167,9 @@ impl StageSolver {
         })
     }
 
-    /// Minimises G over the free vertices from `positions` on, to where it ends: at most `stop.iterations` Gauss-Newton iterations of at
-    /// most `steps` steps of conjugate gradients each. The shape has a size near one.
+    /// Minimises G over the free vertices from `positions` on, to where it ends: at most
+    /// `stop.iterations` Gauss-Newton iterations of at most `steps` steps of conjugate gradients
+    /// each. The shape has a size near one.
     ///
     /// # Errors
     /// [`Error::Device`](crate::Error::Device).
@@ -248,7 +250,8 @@ impl StageSolver {
         self.begin.1.record(batch, free.start, free.end)
     }
 
-    /// Steps of conjugate gradients, in submissions of limited work; after each one that is finished the scalars tell whether to go on.
+    /// Steps of conjugate gradients, in submissions of limited work; after each one that is
+    /// finished the scalars tell whether to go on.
     fn solve(&self, gpu: &Gpu, steps: usize) -> Result<()> {
         let k = &self.kernels;
         // Even, so that every submission but the last ends with rho in place 0.
@@ -282,7 +285,8 @@ impl StageSolver {
     }
 }
 
-/// Whether steps change nothing any more, by the scalars after an even number of them; the kernel takes the same decision.
+/// Whether steps change nothing any more, by the scalars after an even number of them; the kernel
+/// takes the same decision.
 fn ended(scalars: &[[f32; 4]]) -> bool {
     !(scalars[0][0] > TOLERANCE * TOLERANCE * scalars[FIRST][0])
 }

@@ -11,9 +11,10 @@
 //! | `gradient_step`, `gradient_direction` | the vectors of conjugate gradients | `gradients` |
 //! | `line_search` | the shapes along a Gauss-Newton step | `solver` |
 //!
-//! Positions are four numbers each, the last one unused. The residuals of the line search are the largest buffer: stages of up to 349,525
-//! rows fit the bindings of the smallest devices, larger ones are solved on the CPU. Sums are f32: the scalars of conjugate gradients and G itself carry five to six
-//! digits, which a step needs; the reference sums in double precision.
+//! Positions are four numbers each, the last one unused. The residuals of the line search are the
+//! largest buffer: stages of up to 349,525 rows fit the bindings of the smallest devices, larger
+//! ones are solved on the CPU. Sums are f32: the scalars of conjugate gradients and G itself carry
+//! five to six digits, which a step needs; the reference sums in double precision.
 
 mod decoder;
 mod dot;
@@ -45,7 +46,8 @@ pub const KERNELS: &[&Kernel] = &[
     &stage::ENCODING_RESIDUAL,
 ];
 
-/// Visits of slots that one submission holds, so that none is long: a fraction of a second on a software device, milliseconds on another.
+/// Visits of slots that one submission holds, so that none is long: a fraction of a second on a
+/// software device, milliseconds on another.
 const WORK: u64 = 1 << 22;
 
 fn fault(what: &str) -> Error {

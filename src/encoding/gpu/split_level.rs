@@ -1,4 +1,5 @@
-//! Host half of the kernel `split_level`: vertices from their rings, level after level, for one shape or many at once.
+//! Host half of the kernel `split_level`: vertices from their rings, level after level, for one
+//! shape or many at once.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -29,7 +30,8 @@ const fn variant(constants: &'static [(&'static str, f64)]) -> Kernel {
     }
 }
 
-/// Vertices of a level, over all shapes, up to which one workgroup a shape takes it: below, a dispatch costs more than what it does.
+/// Vertices of a level, over all shapes, up to which one workgroup a shape takes it: below, a
+/// dispatch costs more than what it does.
 const NARROW: usize = 4 * GROUP as usize;
 
 /// Dispatches of one submission: a bind group has room for so many different ones.
@@ -55,7 +57,8 @@ impl SplitLevels {
     /// Uploads the splits of `hierarchy`, for `frames` shapes at once.
     ///
     /// # Errors
-    /// [`Error::Capability`] or [`Error::Memory`] if the device cannot hold them, [`Error::Device`] if it fails.
+    /// [`Error::Capability`] or [`Error::Memory`] if the device cannot hold them, [`Error::Device`]
+    /// if it fails.
     pub fn new(gpu: &Gpu, hierarchy: &Hierarchy, frames: usize) -> Result<Self> {
         let vertices = hierarchy.order.len();
         let rows = hierarchy.splits.row_count();
@@ -98,7 +101,8 @@ impl SplitLevels {
         })
     }
 
-    /// Sets the vertices of `levels` of every shape from those before them. Vertex v of shape f stands at `f * vertices + v`.
+    /// Sets the vertices of `levels` of every shape from those before them. Vertex v of shape f
+    /// stands at `f * vertices + v`.
     ///
     /// # Errors
     /// [`Error::Device`] if the device fails or the number of positions is not that of the shapes.
@@ -132,7 +136,8 @@ impl SplitLevels {
         for step in self.steps(gpu, levels) {
             if dispatches == DISPATCHES || (dispatches > 0 && work + step.work > WORK) {
                 let submitted = std::mem::replace(&mut batch, gpu.batch()?).submit()?;
-                // Two are under way at a time, so that the device does not idle and none waits for long.
+                // Two are under way at a time, so that the device does not idle and none waits for
+                // long.
                 if let Some(before) = pending.replace(submitted) {
                     gpu.wait(&before)?;
                 }

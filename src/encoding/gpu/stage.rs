@@ -1,4 +1,5 @@
-//! Host halves of the kernels that work on one stage: residuals, the derivative, and products with it.
+//! Host halves of the kernels that work on one stage: residuals, the derivative, and products with
+//! it.
 
 use std::sync::Arc;
 
@@ -83,7 +84,8 @@ impl Bound {
     }
 }
 
-/// Rings of one stage on a device, with the kernels bound to them. The vertices before `held` do not move.
+/// Rings of one stage on a device, with the kernels bound to them. The vertices before `held` do
+/// not move.
 #[derive(Debug)]
 pub struct StageKernels {
     pub(super) held: usize,
@@ -114,8 +116,8 @@ impl StageKernels {
     /// Uploads `stencils` and their coefficients.
     ///
     /// # Errors
-    /// [`Error::Capability`](crate::Error::Capability) or [`Error::Memory`](crate::Error::Memory) if the device cannot hold them,
-    /// [`Error::Device`](crate::Error::Device) if it fails.
+    /// [`Error::Capability`](crate::Error::Capability) or [`Error::Memory`](crate::Error::Memory)
+    /// if the device cannot hold them, [`Error::Device`](crate::Error::Device) if it fails.
     pub fn new(gpu: &Gpu, stencils: &Stencils, encoding: &Encoding<f64>, held: usize) -> Result<Self> {
         let (vertices, row_count, slots) = (stencils.vertex_count(), stencils.row_count(), stencils.neighbour.len());
         let rings = RingTables::new(gpu, stencils, encoding)?;
@@ -165,14 +167,16 @@ impl StageKernels {
     /// V - F of every row at `positions`; keeps the derivative there for the products.
     ///
     /// # Errors
-    /// [`Error::Device`](crate::Error::Device) if the device fails or there is not a position a vertex.
+    /// [`Error::Device`](crate::Error::Device) if the device fails or there is not a position a
+    /// vertex.
     pub fn linearise(&self, gpu: &Gpu, positions: &[V3<f32>]) -> Result<Vec<V3<f32>>> {
         self.put(gpu, &self.positions, positions)?;
         self.run(gpu, &self.linearise, 0, self.row_count)?;
         self.rows(gpu)
     }
 
-    /// V - F of every row of several shapes, each as long as the stage has vertices, one after the other.
+    /// V - F of every row of several shapes, each as long as the stage has vertices, one after the
+    /// other.
     ///
     /// # Errors
     /// As [`StageKernels::linearise`].
@@ -197,8 +201,9 @@ impl StageKernels {
         self.rows(gpu)
     }
 
-    /// The transpose of I - dF times `y`, zero for held vertices, at the positions of [`StageKernels::linearise`]. What the kernels before
-    /// it leave for a row is formed on the host.
+    /// The transpose of I - dF times `y`, zero for held vertices, at the positions of
+    /// [`StageKernels::linearise`]. What the kernels before it leave for a row is formed on the
+    /// host.
     ///
     /// # Errors
     /// As [`StageKernels::linearise`].

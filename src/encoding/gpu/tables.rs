@@ -28,7 +28,8 @@ pub struct RowDerivative {
     unused: f32,
 }
 
-/// What the derivative of a row needs of a slot; twin of the struct in `shaders/lib/derivative.wgsl`.
+/// What the derivative of a row needs of a slot; twin of the struct in
+/// `shaders/lib/derivative.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct SlotDerivative {
@@ -38,7 +39,8 @@ pub struct SlotDerivative {
     neighbour: u32,
 }
 
-/// A row's entry of a vector, and what the transposed product takes from it; twin of the struct in `shaders/lib/derivative.wgsl`.
+/// A row's entry of a vector, and what the transposed product takes from it; twin of the struct in
+/// `shaders/lib/derivative.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct RowProduct {

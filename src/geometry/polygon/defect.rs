@@ -41,7 +41,8 @@ pub enum Defect {
     /// Coordinates whose products leave the range of double precision.
     #[error("its coordinates leave the range that can be computed with (sizes from 1e-100 to 1e100)")]
     Range,
-    /// Two vertices at the same place, or next to one another and closer than single precision can tell.
+    /// Two vertices at the same place, or next to one another and closer than single precision can
+    /// tell.
     #[error("vertices {} of loop {} and {} of loop {} coincide", .0.vertex, .0.ring, .1.vertex, .1.ring)]
     Repeated(VertexOf, VertexOf),
     /// All vertices of a loop lie on one line, or so nearly that its area is nothing.

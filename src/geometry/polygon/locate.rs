@@ -28,7 +28,8 @@ pub(super) fn between(a: DVec2, b: DVec2, p: DVec2) -> bool {
 }
 
 impl Polygon {
-    /// Where `p` lies, decided exactly, by the parity of the edges to the right of it. O(n) in the number of vertices.
+    /// Where `p` lies, decided exactly, by the parity of the edges to the right of it. O(n) in the
+    /// number of vertices.
     ///
     /// The polygon is one that passes [`Polygon::check`]; a point that is not finite is outside.
     pub fn contains(&self, p: DVec2) -> Side {

@@ -15,8 +15,9 @@ pub use nesting::Nesting;
 
 /// One or several closed loops of vertices; the domain lies to the left of every edge.
 ///
-/// Outer loops run anticlockwise (y up), the holes in them clockwise, and so on inwards. Edge `i` of a loop goes from its
-/// vertex `i` to the next, the last one back to the first. Vertices are numbered through all loops in order.
+/// Outer loops run anticlockwise (y up), the holes in them clockwise, and so on inwards. Edge `i`
+/// of a loop goes from its vertex `i` to the next, the last one back to the first. Vertices are
+/// numbered through all loops in order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Polygon {
     loops: Vec<Vec<DVec2>>,

@@ -16,7 +16,8 @@ impl Nesting {
     fn new(parents: Vec<Option<usize>>) -> Self {
         let mut depths: Vec<Option<usize>> = vec![None; parents.len()];
         for ring in 0..parents.len() {
-            // Up to a loop whose depth is known, then down again: every loop is passed twice at most.
+            // Up to a loop whose depth is known, then down again: every loop is passed twice at
+            // most.
             let mut chain = vec![ring];
             while let Some(parent) = parents[chain[chain.len() - 1]]
                 && depths[parent].is_none()
@@ -49,9 +50,10 @@ impl Polygon {
 
     /// Whether the loops bound one domain, each running the right way round.
     ///
-    /// That is: every loop has three vertices or more, finite, no two at the same place, not all on one line; no two edges
-    /// cross, touch or overlap; one loop is around all others; loops inside an even number of others run anticlockwise (y up),
-    /// the rest clockwise. A straight angle is allowed.
+    /// That is: every loop has three vertices or more, finite, no two at the same place, not all on
+    /// one line; no two edges cross, touch or overlap; one loop is around all others; loops inside
+    /// an even number of others run anticlockwise (y up), the rest clockwise. A straight angle is
+    /// allowed.
     ///
     /// # Errors
     /// The first [`Defect`] met.
@@ -68,7 +70,8 @@ impl Polygon {
         (signed_area(&self.loops()[ring]) > 0.0) == nesting.depths[ring].is_multiple_of(2)
     }
 
-    /// With every loop the right way round for its nesting depth; the first vertex of each stays the first.
+    /// With every loop the right way round for its nesting depth; the first vertex of each stays
+    /// the first.
     ///
     /// # Errors
     /// As [`Polygon::nesting`].
@@ -215,7 +218,8 @@ mod tests {
         let mut simple = 0;
         for trial in 0..4000 {
             let n = 4 + trial % 9;
-            // Coordinates on a small grid every other time: touching, vertical and overlapping edges abound.
+            // Coordinates on a small grid every other time: touching, vertical and overlapping
+            // edges abound.
             let grid = if trial % 2 == 0 { 6.0 } else { 1e6 };
             let mut point = || DVec2::new((random(&mut state) * grid).floor(), (random(&mut state) * grid).floor());
             let mut vertices: Vec<DVec2> = (0..n).map(|_| point()).collect();

@@ -10,7 +10,8 @@ use super::measure::signed_area;
 use super::{Defect, EdgeOf, Polygon, VertexOf};
 use crate::geometry::RANGE;
 
-/// Vertices next to one another must be this far apart, in sizes of the polygon: single precision still tells them apart.
+/// Vertices next to one another must be this far apart, in sizes of the polygon: single precision
+/// still tells them apart.
 const CLOSE: f64 = 2e-7;
 /// A loop whose area is below this, in squared sizes of the loop, counts as a line.
 const FLAT: f64 = 1e-12;
@@ -60,8 +61,8 @@ impl Segment {
     }
 }
 
-// From below to above, for segments that the sweep line cuts at the same time and that have not met so far. The later of the
-// left ends decides; where it is common, the right ends do.
+// From below to above, for segments that the sweep line cuts at the same time and that have not met
+// so far. The later of the left ends decides; where it is common, the right ends do.
 impl Ord for Segment {
     fn cmp(&self, other: &Self) -> Ordering {
         if self.edge == other.edge {
@@ -150,9 +151,9 @@ fn events(loops: &[Vec<DVec2>]) -> Result<Vec<VertexOf>, Defect> {
 
 /// The loop right around each loop, `None` for outermost ones.
 ///
-/// A sweep with neighbour tests (Shamos, Hoey 1976) with exact predicates: the first pair of edges that meets is found before
-/// the sweep has passed it, so that the order of the status is a total one all the time. O(n log n) for n vertices, whatever
-/// their position.
+/// A sweep with neighbour tests (Shamos, Hoey 1976) with exact predicates: the first pair of edges
+/// that meets is found before the sweep has passed it, so that the order of the status is a total
+/// one all the time. O(n log n) for n vertices, whatever their position.
 pub(super) fn parents(polygon: &Polygon) -> Result<Vec<Option<usize>>, Defect> {
     check_loops(polygon)?;
     // Negative zero sorts below zero, which would make two orders of one position.
@@ -175,14 +176,16 @@ pub(super) fn parents(polygon: &Polygon) -> Result<Vec<Option<usize>>, Defect> {
             }
         }
         if parents[v.ring].is_none() {
-            // The first vertex of a loop: both edges are new, and the lower one's lower neighbour is where the loop lies in.
+            // The first vertex of a loop: both edges are new, and the lower one's lower neighbour
+            // is where the loop lies in.
             let lower = if incident[0] < incident[1] { &incident[0] } else { &incident[1] };
             parents[v.ring] = Some(status.range(..lower).next_back().and_then(|below| {
                 let interior_above = below.forward == anticlockwise[below.edge.ring];
                 if interior_above { Some(below.edge.ring) } else { parents[below.edge.ring].flatten() }
             }));
         }
-        // What the change made neighbours: around each new edge, or around the place where two ended.
+        // What the change made neighbours: around each new edge, or around the place where two
+        // ended.
         for segment in incident.iter().filter(|s| s.left == at) {
             let neighbours = [status.range(..segment).next_back(), status.range(segment..).nth(1)];
             if let Some(other) = neighbours.into_iter().flatten().find(|other| segment.meets(other)) {

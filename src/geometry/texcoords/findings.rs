@@ -148,7 +148,8 @@ mod tests {
     use crate::geometry::{Corner, Material, MeshBuilder};
     use glam::{DVec2, DVec3};
 
-    /// Squares of two triangles side by side in space; the texture of each has its lower corner and size here, and a material.
+    /// Squares of two triangles side by side in space; the texture of each has its lower corner and
+    /// size here, and a material.
     fn squares(places: &[([f64; 3], u32)]) -> Mesh {
         let mut b = MeshBuilder::new("squares.obj");
         b.mesh.materials = ["skin", "cloth"].map(|name| Material { name: name.into(), ..Material::default() }).into();
@@ -174,7 +175,8 @@ mod tests {
 
     #[test]
     fn overlaps_are_named_with_islands_materials_faces_and_shares() {
-        // The second lies on a quarter of the first, the third is elsewhere, the fourth on the third by one repeat.
+        // The second lies on a quarter of the first, the third is elsewhere, the fourth on the
+        // third by one repeat.
         let mesh = squares(&[
             ([0.0, 0.0, 0.4], 0),
             ([0.2, 0.2, 0.4], 1),
@@ -186,7 +188,8 @@ mod tests {
         let pairs: Vec<[u32; 2]> = found.overlaps.iter().map(|o| o.islands).collect();
         assert_eq!(pairs, [[0, 1], [2, 3]]);
         assert!((found.overlaps[0].area - 0.04).abs() < 1e-9 && (found.overlaps[1].area - 0.04).abs() < 1e-9);
-        // Of the first two squares the triangles that meet: one half of each lies apart from the common corner or not at all.
+        // Of the first two squares the triangles that meet: one half of each lies apart from the
+        // common corner or not at all.
         assert!(found.overlapping_area > 0.55 && found.overlapping_area <= 0.8 + 1e-9, "{}", found.overlapping_area);
         let text = found.sentences(&mesh).join("\n");
         for part in [

@@ -22,8 +22,8 @@ pub struct Island {
     pub mirrored: bool,
     /// Materials of its triangles, ascending, [`NONE`] for those without.
     pub materials: Vec<u32>,
-    /// Vertices less edges plus triangles: 1 for a disk, 0 for a ring, less with more holes. Where it touches itself at a vertex only, that counts
-    /// as two: it does not close a ring.
+    /// Vertices less edges plus triangles: 1 for a disk, 0 for a ring, less with more holes. Where
+    /// it touches itself at a vertex only, that counts as two: it does not close a ring.
     pub euler: i64,
     /// No edge of it has more than two of its triangles.
     pub manifold: bool,
@@ -41,7 +41,8 @@ impl Island {
 pub struct Islands {
     /// In the order of their first triangles.
     pub islands: Vec<Island>,
-    /// Island of each triangle, or [`NONE`] if it has no texture coordinates or no area in the texture.
+    /// Island of each triangle, or [`NONE`] if it has no texture coordinates or no area in the
+    /// texture.
     pub island_of: Vec<u32>,
     /// Triangles without texture coordinates, ascending.
     pub missing: Vec<u32>,
@@ -49,7 +50,8 @@ pub struct Islands {
     pub flat: Vec<u32>,
 }
 
-/// The sign of a triangle's area in texture coordinates, exact: 1 counter-clockwise, -1 clockwise, 0 on a line or not finite.
+/// The sign of a triangle's area in texture coordinates, exact: 1 counter-clockwise, -1 clockwise,
+/// 0 on a line or not finite.
 pub fn orientation(uv: &[DVec2; 3]) -> i8 {
     let [a, b, c] = uv.map(|p| Coord { x: p.x, y: p.y });
     let sign = orient2d(a, b, c);
@@ -57,8 +59,9 @@ pub fn orientation(uv: &[DVec2; 3]) -> i8 {
 }
 
 impl Islands {
-    /// The islands of `mesh`. Triangles are of one island if they turn the same way and share an edge with equal positions and equal texture
-    /// coordinates at both ends, whatever indices the file uses for them. O(n log n).
+    /// The islands of `mesh`. Triangles are of one island if they turn the same way and share an
+    /// edge with equal positions and equal texture coordinates at both ends, whatever indices the
+    /// file uses for them. O(n log n).
     pub fn new(mesh: &Mesh) -> Self {
         let n = mesh.triangle_count();
         let mut found = Self { island_of: vec![NONE; n], ..Self::default() };
@@ -203,7 +206,8 @@ mod tests {
 
     #[test]
     fn a_ring_and_a_fold_are_told() {
-        // A square ring of eight points and its texture; the second mesh folds the grid at its middle.
+        // A square ring of eight points and its texture; the second mesh folds the grid at its
+        // middle.
         let at = |k: usize, r: f64| DVec3::new([r, r, -r, -r][k], [-r, r, r, -r][k], 0.0);
         let mut ring = MeshBuilder::new("ring");
         for k in 0..4 {

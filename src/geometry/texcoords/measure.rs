@@ -7,8 +7,9 @@ use crate::geometry::{Mesh, Topology};
 
 /// Distortion of texture coordinates, weighted by area on the surface.
 ///
-/// With the singular values s1 >= s2 of the map from surface to texture on a triangle, scaled so that both have the same area in all: `angle` is
-/// (s1 / s2 + s2 / s1) / 2, and `stretch` max(s1, 1 / s2); both are 1 for an isometry.
+/// With the singular values s1 >= s2 of the map from surface to texture on a triangle, scaled so
+/// that both have the same area in all: `angle` is (s1 / s2 + s2 / s1) / 2, and `stretch` max(s1, 1
+/// / s2); both are 1 for an isometry.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Distortion {
     /// Median of the angle distortion.
@@ -23,7 +24,8 @@ pub struct Distortion {
     pub texture_area: f64,
 }
 
-/// The distortion over the triangles that have an area on the surface and in the texture. O(n log n).
+/// The distortion over the triangles that have an area on the surface and in the texture. O(n log
+/// n).
 pub fn distortion(mesh: &Mesh) -> Distortion {
     let mut rows = Vec::new();
     let (mut area, mut texture_area) = (0.0, 0.0);

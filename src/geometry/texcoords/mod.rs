@@ -1,4 +1,5 @@
-//! Texture coordinates of a mesh: its islands, where they overlap, and how they stretch the surface.
+//! Texture coordinates of a mesh: its islands, where they overlap, and how they stretch the
+//! surface.
 
 pub mod findings;
 pub mod islands;

@@ -9,7 +9,8 @@ use robust::{Coord, orient2d};
 use super::islands::{Islands, orientation};
 use crate::geometry::{Mesh, NONE};
 
-/// Pairs of triangles that are compared at most; more are met only where the texture coordinates are of no use, and the rest is told to be unknown.
+/// Pairs of triangles that are compared at most; more are met only where the texture coordinates
+/// are of no use, and the rest is told to be unknown.
 const MOST_PAIRS: u64 = 4_000_000;
 /// Repeats of the texture that a triangle is followed over, per axis.
 const MOST_REPEATS: i32 = 8;
@@ -21,8 +22,8 @@ pub struct OverlapOptions {
     pub repeat: bool,
     /// Triangles of different materials are on different textures.
     pub by_material: bool,
-    /// Pairs whose common area is at most this share of the smaller triangle are passed over: islands that touch overlap a little where a file
-    /// keeps few digits.
+    /// Pairs whose common area is at most this share of the smaller triangle are passed over:
+    /// islands that touch overlap a little where a file keeps few digits.
     pub slack: f64,
 }
 
@@ -48,7 +49,8 @@ pub struct Overlaps {
     pub complete: bool,
 }
 
-/// A triangle of the texture, counter-clockwise, moved into the square 0..1 as far as it is repeated there.
+/// A triangle of the texture, counter-clockwise, moved into the square 0..1 as far as it is
+/// repeated there.
 struct Placed {
     triangle: u32,
     corners: [DVec2; 3],
@@ -60,8 +62,9 @@ struct Placed {
 
 /// The overlaps of triangles in the texture.
 ///
-/// Two triangles overlap if their interiors meet, which is decided exactly (for coordinates that are not moved by a repeat): none of the six
-/// edges separates them. Triangles of no island are left out. Time O(n) for an atlas without many overlaps.
+/// Two triangles overlap if their interiors meet, which is decided exactly (for coordinates that
+/// are not moved by a repeat): none of the six edges separates them. Triangles of no island are
+/// left out. Time O(n) for an atlas without many overlaps.
 pub fn overlaps(mesh: &Mesh, islands: &Islands, options: &OverlapOptions) -> Overlaps {
     let mut complete = true;
     let placed = place(mesh, islands, options, &mut complete);
@@ -191,7 +194,8 @@ impl Grid {
             for &(_, j) in &cell[k + 1..] {
                 let b = &placed[j as usize];
                 let (low, high) = (a.low.max(b.low), a.high.min(b.high));
-                // Pairs that meet in several cells are compared where the lowest corner of their common box is.
+                // Pairs that meet in several cells are compared where the lowest corner of their
+                // common box is.
                 let [x, y] = self.at(low);
                 if low.cmpge(high).any() || y * self.side + x != number || a.triangle == b.triangle {
                     continue;
@@ -217,7 +221,8 @@ impl Grid {
     }
 }
 
-/// Whether the interiors of two counter-clockwise triangles meet, exactly: no edge has the other triangle on its outer side.
+/// Whether the interiors of two counter-clockwise triangles meet, exactly: no edge has the other
+/// triangle on its outer side.
 pub fn interiors_meet(a: &[DVec2; 3], b: &[DVec2; 3]) -> bool {
     let coord = |p: DVec2| Coord { x: p.x, y: p.y };
     let separates = |a: &[DVec2; 3], b: &[DVec2; 3]| {
@@ -305,7 +310,8 @@ mod tests {
             overlaps(&mesh, &Islands::new(&mesh), &OverlapOptions::default()),
             Overlaps { complete: true, ..Overlaps::default() }
         );
-        // Two triangles that share an edge in space but not in the texture, one moved into the other by the smallest step.
+        // Two triangles that share an edge in space but not in the texture, one moved into the
+        // other by the smallest step.
         let cut = mesh.texcoords.len() as u32;
         let (a, b, c) = (DVec2::new(0.25, 0.25), DVec2::new(0.75, 0.25), DVec2::new(0.5, 0.75));
         mesh.texcoords.extend([a, b, c, b, a, DVec2::new(0.5, 0.0)]);

@@ -5,13 +5,11 @@ use crate::geometry::Topology;
 use crate::geometry::union_find::UnionFind;
 
 /// The representative of every vertex once all `pairs` are joined that leave the surface a surface;
-/// and the number of
-/// pairs that are one edge then.
+/// and the number of pairs that are one edge then.
 ///
 /// A set of vertices is taken apart again if a triangle would have two corners in it, or if an
-/// inner edge that ends in
-/// it would get more triangles than its two. Each round takes some apart, so there is an end; one
-/// round is the rule.
+/// inner edge that ends in it would get more triangles than its two. Each round takes some apart,
+/// so there is an end; one round is the rule.
 pub(super) fn representatives(topology: &Topology, sides: &[Side], pairs: &[Pair]) -> (Vec<u32>, usize) {
     let mut apart = vec![false; topology.vertex_count()];
     let mut open = vec![[false; 3]; topology.triangles.len()];

@@ -1,43 +1,40 @@
 //! Which vertices of a file are one point of the surface.
 //!
 //! Files repeat vertices: for every face (STL converters, flat-shaded exports), or where texture
-//! coordinates or
-//! normals differ (game exports). The surface is connected there, and a method that takes it as cut
-//! tears it.
-//! Joining all vertices of equal position would be wrong too: it glues shells that touch and lips
-//! that are closed.
-//! The rule therefore works on *open edges*, which have one usable triangle each:
+//! coordinates or normals differ (game exports). The surface is connected there, and a method that
+//! takes it as cut tears it. Joining all vertices of equal position would be wrong too: it glues
+//! shells that touch and lips that are closed. The rule therefore works on *open edges*, which have
+//! one usable triangle each:
 //!
 //! 1. Two open edges that lie on one another in opposite directions are joined, and so are their
-//!    end vertices. Nothing
-//!    else joins vertices: shells and parts that touch in a vertex, or with edges that are not open, stay apart.
+//!    end vertices. Nothing else joins vertices: shells and parts that touch in a vertex, or with
+//!    edges that are not open, stay apart.
 //! 2. Two open edges in the *same* direction stay apart: one of the faces is turned over.
 //! 3. More than two on one place would make an edge of more than two triangles. They are joined two
-//!    at a time where
-//!    it is clear which belong together, looked for in this order: copies of the same face are taken copy by copy, in
-//!    file order; two edges of opposite direction that are alone in their connected part; faces around the edge that
-//!    bound separate bodies, each pair with its inside between. What is left stays apart.
+//!    at a time where it is clear which belong together, looked for in this order: copies of the
+//!    same face are taken copy by copy, in file order; two edges of opposite direction that are
+//!    alone in their connected part; faces around the edge that bound separate bodies, each pair
+//!    with its inside between. What is left stays apart.
 //! 4. A *slit* stays open: closed lips, eyelids. Topologically it is like the seam of a texture, a
-//!    boundary loop that
-//!    folds onto itself. A seam has a reason that the file shows: texture coordinates or normals differ across it, the
-//!    loop lies on another loop (charts, faces of their own), a part of it lies on nothing (the seam reaches an open
-//!    border), or it branches. A loop that folds wholly onto itself, as one path without branches, with equal
-//!    corners on both sides, has no such reason and is a slit.
+//!    boundary loop that folds onto itself. A seam has a reason that the file shows: texture
+//!    coordinates or normals differ across it, the loop lies on another loop (charts, faces of
+//!    their own), a part of it lies on nothing (the seam reaches an open border), or it branches. A
+//!    loop that folds wholly onto itself, as one path without branches, with equal corners on both
+//!    sides, has no such reason and is a slit.
 //! 5. Vertices that lie apart in another layer stay apart: a morph target, or a second mesh of the
 //!    same faces.
 //! 6. Two faces back to back, with three common places, are two sheets and are not folded at their
-//!    border. What would
-//!    make an inner edge have more than two triangles, or a triangle have two equal corners, stays apart.
+//!    border. What would make an inner edge have more than two triangles, or a triangle have two
+//!    equal corners, stays apart.
 //!
 //! A T-junction, where an open edge runs along several shorter ones, stays cut: the long edge would
-//! need a corner
-//! more, and face numbers are those of the file. It is counted, so that it can be told.
+//! need a corner more, and face numbers are those of the file. It is counted, so that it can be
+//! told.
 //!
 //! Positions are equal within rounding ([`ROUNDING`]), so that a point computed twice is one point.
-//! Within a tolerance of the
-//! user's, edges that are still open are joined with the nearest one, if each is the nearest of the
-//! other. The
-//! lowest vertex stands for those joined with it, at its own position.
+//! Within a tolerance of the user's, edges that are still open are joined with the nearest one, if
+//! each is the nearest of the other. The lowest vertex stands for those joined with it, at its own
+//! position.
 
 mod grouping;
 mod junctions;
@@ -53,9 +50,8 @@ use super::{Mesh, Topology};
 use crate::{Error, Result};
 
 /// Positions within this fraction of the mesh's diagonal are equal: far above what double precision
-/// loses on the way
-/// through a few transformations (1e-15 each), far below what files tell apart (single precision:
-/// 6e-8).
+/// loses on the way through a few transformations (1e-15 each), far below what files tell apart
+/// (single precision: 6e-8).
 pub const ROUNDING: f64 = 1e-10;
 
 /// What is joined.
@@ -131,8 +127,7 @@ impl Welded {
 }
 
 /// Joins the vertices of shapes of one connectivity alike: those that are one point in all of them.
-/// The shapes with the polygons of the first
-/// take its triangles as well; others stay as they are.
+/// The shapes with the polygons of the first take its triangles as well; others stay as they are.
 ///
 /// # Errors
 /// As [`weld`].
@@ -152,8 +147,8 @@ pub fn weld_alike(meshes: &mut [Mesh], rule: Weld) -> Result<()> {
 /// this module.
 ///
 /// `layers` are further positions of the same vertices, such as morph targets: vertices are joined
-/// only if they are
-/// equal in all of them. An earlier join is replaced. O((V + F) log (V + F)) for any valence.
+/// only if they are equal in all of them. An earlier join is replaced. O((V + F) log (V + F)) for
+/// any valence.
 ///
 /// # Errors
 /// [`Error::Option`] for a tolerance that is negative, not finite, or longer than the mean edge.

@@ -136,11 +136,9 @@ fn pair_within_parts(
 /// Pairs the sides around an edge so that each pair has the inside of a body between, if all do.
 ///
 /// Looking along the edge, a side in its direction has the inside on the right of its face and the
-/// outside on the
-/// left, where angles grow; an opposite side the other way round. Bodies that touch in the edge
-/// have opposite sides
-/// and sides in its direction in turn. Where two faces lie on one another, the body that comes
-/// first is closed first.
+/// outside on the left, where angles grow; an opposite side the other way round. Bodies that touch
+/// in the edge have opposite sides and sides in its direction in turn. Where two faces lie on one
+/// another, the body that comes first is closed first.
 fn pair_bodies(mesh: &Mesh, sides: &[Side], crowd: &[u32], forward: &impl Fn(u32) -> bool) -> Option<Vec<Pair>> {
     let first = crowd.first().map(|&s| sides[s as usize])?;
     let ends = [first.from, first.to].map(|v| mesh.positions[v as usize]);

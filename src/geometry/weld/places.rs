@@ -57,8 +57,7 @@ fn order_of(layer: &[DVec3], a: u32, b: u32) -> Ordering {
 }
 
 /// What rounding may do to these positions: a fraction of their diagonal, or a few units in the
-/// last place of
-/// coordinates far from the origin. 0 where that is no number.
+/// last place of coordinates far from the origin. 0 where that is no number.
 fn rounding(layer: &[DVec3], topology: &Topology) -> f64 {
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     for (p, _) in layer.iter().zip(&topology.vertex_component).filter(|(_, c)| **c != NONE) {
@@ -94,8 +93,7 @@ impl Grid {
     }
 
     /// Visits the indices of all points in the cells within the tolerance of `p`, in an order that
-    /// depends on the
-    /// points alone. Crowded cells are passed over.
+    /// depends on the points alone. Crowded cells are passed over.
     pub(super) fn near(&self, p: DVec3, mut visit: impl FnMut(u32)) {
         if self.entries.is_empty() {
             return;

@@ -1,8 +1,7 @@
 //! EXIF blocks: what they say of a picture, and what must change when the picture does.
 //!
 //! A block is changed in place. Makers' notes count places from the beginning of the block, so that
-//! one
-//! whose parts move would lose them.
+//! one whose parts move would lose them.
 
 use super::ifd::{Block, EXIF_DIRECTORY, Field, Fields, GPS_DIRECTORY, LONG, SHORT};
 use super::metadata::{Density, DensityUnit};

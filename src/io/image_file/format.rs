@@ -1,6 +1,5 @@
 //! Kinds of picture files: told by content when they are read, by the extension of the name when
-//! they
-//! are written.
+//! they are written.
 
 use std::path::Path;
 

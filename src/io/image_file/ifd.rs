@@ -214,8 +214,7 @@ impl Directory {
     }
 
     /// Appends the directory, its values and the directories inside; returns where it begins.
-    /// Places count from the beginning of `bytes`,
-    /// whose length is even.
+    /// Places count from the beginning of `bytes`, whose length is even.
     pub(super) fn append(&self, bytes: &mut Vec<u8>) -> u32 {
         let mut entries: Vec<&Entry> = self.entries.iter().collect();
         entries.sort_by_key(|e| e.tag);

@@ -269,8 +269,8 @@ fn half_floats_stay_half_floats() {
 #[test]
 fn a_jpeg_of_four_inks_becomes_rgb_with_a_word() {
     // Grey of one component, said to be four: the frame and the scan name three more components
-    // with the same tables, and the data of
-    // one 8 x 8 block repeat. An all-zero block is one code for its DC and one for its end.
+    // with the same tables, and the data of one 8 x 8 block repeat. An all-zero block is one code
+    // for its DC and one for its end.
     let mut bytes = b"\xff\xd8\xff\xee\0\x0eAdobe\0\x64\0\0\0\0\0".to_vec();
     bytes.extend_from_slice(b"\xff\xdb\0\x43\0");
     bytes.extend_from_slice(&[8; 64]);

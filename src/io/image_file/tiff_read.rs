@@ -1,6 +1,5 @@
 //! TIFF files. The crate `tiff` unpacks the samples; what they mean is told here: grey, palettes,
-//! RGB, CMYK,
-//! YCbCr, transparency, integers and floats.
+//! RGB, CMYK, YCbCr, transparency, integers and floats.
 
 use std::io::Cursor;
 

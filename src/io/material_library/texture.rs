@@ -25,8 +25,7 @@ pub(super) struct TextureStatement {
 
 impl TextureStatement {
     /// Reads what follows the keyword. A name may hold blanks, a `#`, and what looks like options:
-    /// the longest reading that
-    /// `find` has a file for is taken, the shortest where there is none.
+    /// the longest reading that `find` has a file for is taken, the shortest where there is none.
     pub(super) fn read(rest: &[u8], find: impl Fn(&[u8]) -> Located) -> (Self, Located) {
         let mut statement = Self {
             name: Vec::new(),

@@ -1,7 +1,8 @@
 //! AMC: the motion of a skeleton of an ASF file (Acclaim).
 //!
-//! With column vectors, a bone with axes `C`, rotation `R` by its degrees of freedom and parent rotation `P` turns by `M = P C R C^-1`, and ends at
-//! `p = p_parent + M reach` (Schafer, Acclaim Skeleton File Definition V1.10, 1994).
+//! With column vectors, a bone with axes `C`, rotation `R` by its degrees of freedom and parent
+//! rotation `P` turns by `M = P C R C^-1`, and ends at `p = p_parent + M reach` (Schafer, Acclaim
+//! Skeleton File Definition V1.10, 1994).
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -15,12 +16,15 @@ use crate::io::encoding;
 use crate::io::source::Notes;
 use crate::{Error, Result};
 
-/// Reads the clip of an AMC file with the skeleton of an ASF file; the points are the root and the end of each bone, by its name.
+/// Reads the clip of an AMC file with the skeleton of an ASF file; the points are the root and the
+/// end of each bone, by its name.
 ///
-/// AMC files tell no rate: Carnegie Mellon's are 120 frames a second, which is assumed, with a warning.
+/// AMC files tell no rate: Carnegie Mellon's are 120 frames a second, which is assumed, with a
+/// warning.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] naming the line: bones that do not hang together, unknown bones, missing numbers, a clip cut inside a frame.
+/// [`Error::Io`]; [`Error::Format`] naming the line: bones that do not hang together, unknown
+/// bones, missing numbers, a clip cut inside a frame.
 pub fn read_acclaim(skeleton: impl AsRef<Path>, clip: impl AsRef<Path>) -> Result<Motion> {
     let (skeleton, clip) = (skeleton.as_ref(), clip.as_ref());
     let (bones_text, clip_text) = (encoding::read_text(skeleton)?, encoding::read_text(clip)?);

@@ -108,7 +108,8 @@ fn freedom(word: &str) -> Option<Freedom> {
     }
 }
 
-/// The rotation by three angles applied in the order of the letters: for XYZ with column vectors `R = Rz Ry Rx`.
+/// The rotation by three angles applied in the order of the letters: for XYZ with column vectors `R
+/// = Rz Ry Rx`.
 pub(super) fn rotation(angles: DVec3, order: &str, degrees: bool) -> Option<DQuat> {
     let mut rotation = DQuat::IDENTITY;
     for (k, letter) in order.bytes().enumerate() {
@@ -191,7 +192,8 @@ pub(super) fn parse(text: &str, path: &Path) -> Result<Bones> {
     Ok(Bones { bones, degrees: state.degrees })
 }
 
-/// Hangs the bones below one another, parents first. Lines of the hierarchy read `parent child child ...`.
+/// Hangs the bones below one another, parents first. Lines of the hierarchy read `parent child
+/// child ...`.
 fn connect(
     state: &Lines<'_>,
     root: Bone,

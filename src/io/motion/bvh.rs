@@ -1,11 +1,11 @@
 //! BVH: a skeleton and the channels of its joints, as text.
 //!
-//! Forward kinematics (Meredith, Maddock, Motion Capture File Formats Explained, 2001): with column vectors a joint's rotation is
-//! `R = R_parent R_1 R_2 R_3` for its rotation channels in the order they are listed, and its position `p = p_parent + R_parent offset`. Position
-//! channels are added to the offset of a root, and take the place of the offset of other joints, as
-//! programs write them. Scale channels, which
-//! some programs add, would need bones of changing length: they are passed over, with a note where
-//! they are not 1.
+//! Forward kinematics (Meredith, Maddock, Motion Capture File Formats Explained, 2001): with column
+//! vectors a joint's rotation is `R = R_parent R_1 R_2 R_3` for its rotation channels in the order
+//! they are listed, and its position `p = p_parent + R_parent offset`. Position channels are added
+//! to the offset of a root, and take the place of the offset of other joints, as programs write
+//! them. Scale channels, which some programs add, would need bones of changing length: they are
+//! passed over, with a note where they are not 1.
 //!
 //! Words are read as programs write them: in any encoding, with or without blanks around braces and
 //! colons, with any line ends.
@@ -230,7 +230,8 @@ pub(super) fn parse(text: &str, path: &Path) -> Result<Motion> {
 /// The joints, parents before children, up to and without the word MOTION.
 fn hierarchy(words: &mut Words<'_>) -> Result<Vec<Joint>> {
     let mut joints: Vec<Joint> = Vec::new();
-    // Open braces: the joints around the current place. No recursion, so that no depth of nesting overflows the stack.
+    // Open braces: the joints around the current place. No recursion, so that no depth of nesting
+    // overflows the stack.
     let mut open: Vec<usize> = Vec::new();
     loop {
         let word = words.next("MOTION")?;
@@ -303,7 +304,8 @@ fn channel(word: &str) -> Option<Channel> {
     Some(Channel { axis, change })
 }
 
-/// Positions and rotations of all joints from the values of all channels; without values, the rest pose.
+/// Positions and rotations of all joints from the values of all channels; without values, the rest
+/// pose.
 fn pose(joints: &[Joint], values: &[f64]) -> (Vec<DVec3>, Vec<DQuat>) {
     let mut points: Vec<DVec3> = Vec::with_capacity(joints.len());
     let mut rotations: Vec<DQuat> = Vec::with_capacity(joints.len());

@@ -1,8 +1,9 @@
 //! C3D: labelled markers in binary, with the parameters that describe them.
 //!
-//! Layout (C3D user guide, C3D.ORG): blocks of 512 bytes; block 1 is the header, then the parameters, then the frames, each with all points (x, y, z
-//! and a fourth word) and all analog samples. Numbers are those of Intel, DEC or MIPS machines; coordinates are 16-bit integers times a scale, or
-//! floats where the scale is negative. A fourth word below zero marks a gap.
+//! Layout (C3D user guide, C3D.ORG): blocks of 512 bytes; block 1 is the header, then the
+//! parameters, then the frames, each with all points (x, y, z and a fourth word) and all analog
+//! samples. Numbers are those of Intel, DEC or MIPS machines; coordinates are 16-bit integers times
+//! a scale, or floats where the scale is negative. A fourth word below zero marks a gap.
 
 use std::collections::HashSet;
 use std::path::Path;
@@ -19,11 +20,13 @@ const REMEDY: &str = "Export the file again";
 
 /// Reads the points of a C3D file.
 ///
-/// Points that the parameters declare to be angles, forces, moments, powers or scalars are left out: they are no positions. Gaps are points with a
-/// negative residual, with coordinates that are not finite, or at exactly (0, 0, 0), which some programs write for missing points.
+/// Points that the parameters declare to be angles, forces, moments, powers or scalars are left
+/// out: they are no positions. Gaps are points with a negative residual, with coordinates that are
+/// not finite, or at exactly (0, 0, 0), which some programs write for missing points.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] for a file that is not C3D, is cut short (naming the frame), or has no points.
+/// [`Error::Io`]; [`Error::Format`] for a file that is not C3D, is cut short (naming the frame), or
+/// has no points.
 pub fn read_c3d(path: impl AsRef<Path>) -> Result<Motion> {
     let path = path.as_ref();
     parse(&source::read_all(path)?, path)
@@ -128,7 +131,8 @@ impl Layout {
     }
 }
 
-/// The number of frames. The header holds 16 bits of the first and last frame; longer clips say so in TRIAL.
+/// The number of frames. The header holds 16 bits of the first and last frame; longer clips say so
+/// in TRIAL.
 fn frame_count(first: usize, last: usize, parameters: &Parameters) -> usize {
     let long = |name| {
         let [low, high] = parameters.numbers_of("TRIAL", name)[..] else { return None };
@@ -136,7 +140,8 @@ fn frame_count(first: usize, last: usize, parameters: &Parameters) -> usize {
     };
     let declared = (last + 1).saturating_sub(first);
     match (long("ACTUAL_START_FIELD"), long("ACTUAL_END_FIELD")) {
-        // Only where the header could not hold it: these fields are stale in files that were cut by other programs.
+        // Only where the header could not hold it: these fields are stale in files that were cut by
+        // other programs.
         (Some(start), Some(end)) if last == 0xffff || end > 0xffff => (end + 1).saturating_sub(start),
         _ => declared,
     }

@@ -133,10 +133,12 @@ impl<'a> Parameters<'a> {
         Some(if word && first < 0.0 { first + 65536.0 } else { first }).filter(|x| x.is_finite())
     }
 
-    /// The texts of a POINT parameter and of its continuations (LABELS, LABELS2, LABELS3, ...), trimmed.
+    /// The texts of a POINT parameter and of its continuations (LABELS, LABELS2, LABELS3, ...),
+    /// trimmed.
     pub(super) fn series(&self, name: &str) -> Vec<String> {
         let mut texts = Vec::new();
-        // A file has at most 65,535 points; records of a damaged file may overlap and promise far more.
+        // A file has at most 65,535 points; records of a damaged file may overlap and promise far
+        // more.
         for k in 1..=256 {
             let name = if k == 1 { name.to_owned() } else { format!("{name}{k}") };
             let Some(p) = self.find("POINT", &name).filter(|p| p.kind == -1) else { break };

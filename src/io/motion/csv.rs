@@ -1,8 +1,8 @@
 //! CSV: markers as a table.
 //!
-//! Wide, one row a frame: `time,LKNE.x,LKNE.y,LKNE.z,...` (`_x`, `:x`, ` x` and capitals are as good). Long, one row a marker and frame:
-//! `time,marker,x,y,z`. The first column may be `frame` instead of `time`, or there may be both.
-//! The file is a [`Table`] of any dialect; empty cells are
+//! Wide, one row a frame: `time,LKNE.x,LKNE.y,LKNE.z,...` (`_x`, `:x`, ` x` and capitals are as
+//! good). Long, one row a marker and frame: `time,marker,x,y,z`. The first column may be `frame`
+//! instead of `time`, or there may be both. The file is a [`Table`] of any dialect; empty cells are
 //! gaps. Comments begin with `#`; `# rate: 120` and `# units: mm` tell what columns cannot. Tables
 //! of Motive (OptiTrack) are read by [`super::optitrack`].
 
@@ -19,10 +19,12 @@ use crate::{Error, Result};
 
 /// Reads markers from a CSV file.
 ///
-/// Rows are placed by their frame number or, without one, by their time, so that dropped frames become gaps.
+/// Rows are placed by their frame number or, without one, by their time, so that dropped frames
+/// become gaps.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] naming the line: a header of no known form, a cell that is not a number, times that are not evenly spaced.
+/// [`Error::Io`]; [`Error::Format`] naming the line: a header of no known form, a cell that is not
+/// a number, times that are not evenly spaced.
 pub fn read_csv(path: impl AsRef<Path>) -> Result<Motion> {
     let path = path.as_ref();
     let text = encoding::read_text(path)?;
@@ -253,13 +255,15 @@ fn measured_rate(places: &[usize], times: &[f64]) -> Option<f64> {
     (frames > 0 && seconds > 0.0).then(|| frames as f64 / seconds)
 }
 
-/// Indices of frames from values whose neighbours are multiples of `step` apart. Equal values are one frame.
+/// Indices of frames from values whose neighbours are multiples of `step` apart. Equal values are
+/// one frame.
 fn evenly_placed(path: &Path, rows: &[Row], values: &[f64], step: f64) -> Result<Vec<usize>> {
     let mut order: Vec<usize> = (0..rows.len()).collect();
     order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
     let mut places = vec![0; rows.len()];
     for pair in order.windows(2) {
-        // From neighbour to neighbour, because times that are rounded in the file drift away from a rounded step.
+        // From neighbour to neighbour, because times that are rounded in the file drift away from a
+        // rounded step.
         let steps = (values[pair[1]] - values[pair[0]]) / step;
         if !(steps < MAX_POSITIONS as f64) || (steps - steps.round()).abs() > 0.3 {
             let what = format!("{} after {}: frames are not evenly spaced", values[pair[1]], values[pair[0]]);

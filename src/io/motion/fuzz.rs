@@ -51,7 +51,8 @@ fn truncation_at_every_byte_is_an_error_or_a_motion() {
             match read(reader, &bytes[..length]) {
                 Ok(motion) => {
                     check(&motion);
-                    // Binary files and counted frames cannot be complete before their end, but for digits lost at the very end of the text.
+                    // Binary files and counted frames cannot be complete before their end, but for
+                    // digits lost at the very end of the text.
                     assert!(reader != 0, "C3D cut at {length} of {}", bytes.len());
                 }
                 Err(error) => assert!(error.to_string().contains("fuzz"), "{error}"),

@@ -1,10 +1,13 @@
-//! Motion capture: trajectories of markers (C3D, TRC, CSV) and moving skeletons (BVH, ASF with AMC).
+//! Motion capture: trajectories of markers (C3D, TRC, CSV) and moving skeletons (BVH, ASF with
+//! AMC).
 //!
-//! All readers give one type, [`Motion`]: a position or a gap for each point in each frame, in the file's units and axes. The points of a skeleton are
-//! its joints and the ends of its limbs, found by forward kinematics; the rotations of the bones are kept beside them, so that points fixed to a bone
-//! ([`Motion::attach`]) tell of rotations about the bone itself, which joints do not show.
+//! All readers give one type, [`Motion`]: a position or a gap for each point in each frame, in the
+//! file's units and axes. The points of a skeleton are its joints and the ends of its limbs, found
+//! by forward kinematics; the rotations of the bones are kept beside them, so that points fixed to
+//! a bone ([`Motion::attach`]) tell of rotations about the bone itself, which joints do not show.
 //!
-//! No header makes a reader allocate more than the file can fill, and [`MAX_POSITIONS`] bounds what short rows or joints without channels can stand for.
+//! No header makes a reader allocate more than the file can fill, and [`MAX_POSITIONS`] bounds what
+//! short rows or joints without channels can stand for.
 
 mod acclaim;
 mod acclaim_skeleton;
@@ -32,7 +35,8 @@ pub use csv::read_csv;
 pub use skeleton::{Segment, Skeleton};
 pub use trc::read_trc;
 
-/// Largest number of positions (frames times points) of a clip, about 1 GiB of memory: 75 points at 120 frames a second for an hour.
+/// Largest number of positions (frames times points) of a clip, about 1 GiB of memory: 75 points at
+/// 120 frames a second for an hour.
 pub const MAX_POSITIONS: usize = 1 << 25;
 
 /// Coordinates beyond this are not measurements.
@@ -60,10 +64,12 @@ pub struct Motion {
     pub warnings: Vec<String>,
 }
 
-/// Reads a motion by its content or extension: `.c3d`, `.trc`, `.csv` (also `.tsv`, `.txt`), `.bvh`, `.amc`.
+/// Reads a motion by its content or extension: `.c3d`, `.trc`, `.csv` (also `.tsv`, `.txt`),
+/// `.bvh`, `.amc`.
 ///
-/// An AMC file holds no bones. Its skeleton is named as `SKELETON.asf,CLIP.amc`, or found beside it: an ASF file of the same name, of the name up to its
-/// last underscore (`11.asf` for `11_01.amc`), or the only one in the folder.
+/// An AMC file holds no bones. Its skeleton is named as `SKELETON.asf,CLIP.amc`, or found beside
+/// it: an ASF file of the same name, of the name up to its last underscore (`11.asf` for
+/// `11_01.amc`), or the only one in the folder.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Format`] with line, frame or marker and the remedy.
@@ -113,8 +119,8 @@ impl Motion {
         self.frames.len() as f64 / self.rate
     }
 
-    /// The point called `name`: as written, else the only one that agrees without regard to case and to the subject before the last colon
-    /// (`LKNE` finds `Anna:LKNE`).
+    /// The point called `name`: as written, else the only one that agrees without regard to case
+    /// and to the subject before the last colon (`LKNE` finds `Anna:LKNE`).
     ///
     /// # Errors
     /// [`Error::Input`] if there is none or more than one, with the names there are.
@@ -141,7 +147,8 @@ impl Motion {
         }
     }
 
-    /// The part of the clip from frame `first` up to, without, frame `end`, taking every `step`-th frame; the rate follows.
+    /// The part of the clip from frame `first` up to, without, frame `end`, taking every `step`-th
+    /// frame; the rate follows.
     ///
     /// # Errors
     /// [`Error::Option`] if no frame is left.
@@ -200,7 +207,8 @@ impl<'a> Clip<'a> {
         Ok(Self { path, names: distinct(names, &mut notes), frames: Vec::new(), notes })
     }
 
-    /// Appends a frame; what is missing at its end are gaps, and so are coordinates that are no measurement.
+    /// Appends a frame; what is missing at its end are gaps, and so are coordinates that are no
+    /// measurement.
     fn push(&mut self, mut frame: Vec<Option<DVec3>>, line: Option<usize>) -> Result<()> {
         frame.resize(self.names.len(), None);
         for p in &mut frame {

@@ -39,12 +39,14 @@ impl Skeleton {
 }
 
 impl Motion {
-    /// Adds a point that moves with joint `joint` as if fixed to it, `offset` away from it in the rest pose: `p(t) = joint(t) + R(t) offset`.
+    /// Adds a point that moves with joint `joint` as if fixed to it, `offset` away from it in the
+    /// rest pose: `p(t) = joint(t) + R(t) offset`.
     ///
     /// A point beside a bone shows the rotation about the bone, which its two ends do not.
     ///
     /// # Errors
-    /// [`Error::Input`] if the motion has no skeleton, there is no such joint, the name is taken, or the clip would exceed [`MAX_POSITIONS`].
+    /// [`Error::Input`] if the motion has no skeleton, there is no such joint, the name is taken,
+    /// or the clip would exceed [`MAX_POSITIONS`].
     pub fn attach(&mut self, name: impl Into<String>, joint: usize, offset: DVec3) -> Result<usize> {
         let (name, file) = (name.into(), self.path.display());
         let Some(skeleton) = &self.skeleton else {

@@ -11,8 +11,8 @@ fn close(a: DVec3, b: [f64; 3]) -> bool {
     a.distance(DVec3::from(b)) < 1e-9
 }
 
-/// A file of `kind` (84, 85, 86) with four points over three frames at 50 Hz: M1 moves, M2 has a gap in frame 1, the third is an angle, the fourth has
-/// no label. Two analog values a frame.
+/// A file of `kind` (84, 85, 86) with four points over three frames at 50 Hz: M1 moves, M2 has a
+/// gap in frame 1, the third is an angle, the fourth has no label. Two analog values a frame.
 pub(super) fn c3d(kind: u8, integers: bool) -> Vec<u8> {
     let word = |x: u16| if kind == 86 { x.to_be_bytes() } else { x.to_le_bytes() };
     let float = |x: f32| -> [u8; 4] {
@@ -275,10 +275,12 @@ fn acclaim_moves_as_computed_by_hand() {
     let motion = read(ASF, AMC).unwrap();
     let at = |f: usize, name: &str| motion.frames[f][motion.index_of(name).unwrap()].unwrap();
     assert!(close(at(0, "upper"), [2.0, 0.0, 0.0]) && close(at(0, "lower"), [3.0, 0.0, 0.0]));
-    // The root turns x to y. Rz(90) Rx(90) of the upper bone leaves its direction x at y, so that it points to -x.
+    // The root turns x to y. Rz(90) Rx(90) of the upper bone leaves its direction x at y, so that
+    // it points to -x.
     assert!(close(at(1, "root"), [1.0, 2.0, 3.0]) && close(at(1, "stiff"), [0.0, 2.0, 3.0]));
     assert!(close(at(1, "upper"), [-1.0, 2.0, 3.0]), "{}", at(1, "upper"));
-    // The lower bone turns by 90 degrees about its own y axis, which is -x of the rest pose: x stays x there, so that it goes straight on.
+    // The lower bone turns by 90 degrees about its own y axis, which is -x of the rest pose: x
+    // stays x there, so that it goes straight on.
     assert!(close(at(1, "lower"), [-2.0, 2.0, 3.0]), "{}", at(1, "lower"));
     let skeleton = motion.skeleton.as_ref().unwrap();
     let follows = |name| skeleton.segments.iter().find(|s| s.to == motion.index_of(name).unwrap()).unwrap().follows;
@@ -342,7 +344,8 @@ fn markers_are_found_with_and_without_their_subject() {
     assert!(twice.warnings[0].contains("more than once"));
 }
 
-/// The shared clips: their sizes, that bones keep their lengths, and that people are as large and fast as people.
+/// The shared clips: their sizes, that bones keep their lengths, and that people are as large and
+/// fast as people.
 #[test]
 #[ignore = "needs BARYMAP_DATA"]
 fn the_shared_clips_are_plausible() {

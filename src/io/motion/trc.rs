@@ -9,10 +9,12 @@ use crate::io::encoding;
 use crate::io::source::Notes;
 use crate::{Error, Result};
 
-/// Reads a TRC file: three lines of header, two of column names, one row a frame. Empty cells are gaps.
+/// Reads a TRC file: three lines of header, two of column names, one row a frame. Empty cells are
+/// gaps.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] naming the line, for a header without markers or a cell that is not a number.
+/// [`Error::Io`]; [`Error::Format`] naming the line, for a header without markers or a cell that is
+/// not a number.
 pub fn read_trc(path: impl AsRef<Path>) -> Result<Motion> {
     let path = path.as_ref();
     let text = encoding::read_text(path)?;

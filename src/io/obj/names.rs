@@ -90,10 +90,8 @@ impl Names {
     }
 
     /// The material that a use means: that of the last `mtllib` before it, then of those before
-    /// that one, then of later
-    /// ones; within a statement the first library that has it (as the format says). Spelt alike
-    /// first, else alike
-    /// without quotation marks and comments.
+    /// that one, then of later ones; within a statement the first library that has it (as the
+    /// format says). Spelt alike first, else alike without quotation marks and comments.
     fn resolve(&self, used: &Use) -> Option<Entry> {
         let before = (0..used.before.min(self.statements.len())).rev();
         let order: Vec<usize> = before.chain(used.before..self.statements.len()).collect();
@@ -108,8 +106,7 @@ impl Names {
     }
 
     /// Gives the mesh its groups and materials. All materials of the libraries come first, in file
-    /// order, those of one
-    /// name once unless faces mean both; then what no library defines.
+    /// order, those of one name once unless faces mean both; then what no library defines.
     pub(super) fn finish(self, builder: &mut MeshBuilder, notes: &mut Notes) {
         let resolved: Vec<Option<Entry>> = self.uses.iter().map(|u| self.resolve(u)).collect();
         let library_names = self.libraries.iter().flatten().map(|m| m.name.as_slice());

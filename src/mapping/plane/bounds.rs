@@ -1,7 +1,8 @@
 //! Sufficient conditions for no fold: Lemma 1, Lemma 2 and condition (7) of the paper.
 //!
-//! They ask for the largest gradient of the coordinates over a polygon. Here it is sampled, from below: the figures say how
-//! close the conditions are, they are no proof. Proofs are the certificate's business.
+//! They ask for the largest gradient of the coordinates over a polygon. Here it is sampled, from
+//! below: the figures say how close the conditions are, they are no proof. Proofs are the
+//! certificate's business.
 
 use glam::DVec2;
 use rayon::prelude::*;
@@ -14,7 +15,8 @@ use super::{Coordinates, Frame, Step};
 pub const LEMMA_2: f64 = 0.618_033_988_749_894_8;
 /// Samples along the longer side of a polygon, at most.
 const RASTER: usize = 24;
-/// How far from a vertex samples lie, in lengths of its shorter edge: gradients are largest there and direction dependent.
+/// How far from a vertex samples lie, in lengths of its shorter edge: gradients are largest there
+/// and direction dependent.
 const NEAR: f64 = 1e-3;
 /// Sampled products of points and vertices in all polygons of a partition, at most.
 const BUDGET: usize = 200_000_000;
@@ -50,7 +52,8 @@ impl SufficientBound {
     }
 }
 
-/// Points of the open domain to sample gradients at: a raster of `side`, and three directions close to (at most `corners`) vertices.
+/// Points of the open domain to sample gradients at: a raster of `side`, and three directions close
+/// to (at most `corners`) vertices.
 fn samples(polygon: &Polygon, side: usize, corners: usize) -> Vec<DVec2> {
     let (low, high) = polygon.bounds();
     let cell = (high - low).max_element() / side as f64;

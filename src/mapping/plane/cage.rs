@@ -5,13 +5,15 @@ use glam::DVec2;
 use crate::error::{Error, Result};
 use crate::geometry::{Defect, Polygon};
 
-/// Most vertices of a cage: the work of a map grows with points times vertices, that of its minimum with their square.
+/// Most vertices of a cage: the work of a map grows with points times vertices, that of its minimum
+/// with their square.
 pub const MAX_VERTICES: usize = 16_384;
 
 /// A source and a target polygon: as many loops, as many vertices in each, nested alike.
 ///
-/// Orientation is normalised on construction, of both together so that vertices stay paired: a loop inside an even number of
-/// others runs anticlockwise (y up), the rest clockwise, and the first vertex of each loop stays the first.
+/// Orientation is normalised on construction, of both together so that vertices stay paired: a loop
+/// inside an even number of others runs anticlockwise (y up), the rest clockwise, and the first
+/// vertex of each loop stays the first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cage {
     /// What the map starts from.
@@ -24,9 +26,9 @@ impl Cage {
     /// Pairs the loops of a source with those of a target, vertex by vertex.
     ///
     /// # Errors
-    /// [`Error::Input`] where the counts of loops or vertices differ, a polygon has a [`Defect`], the loops are nested
-    /// differently, or a loop of the target runs the other way round (a mirrored target, which no map without folds reaches).
-    /// O(n log n) for n vertices.
+    /// [`Error::Input`] where the counts of loops or vertices differ, a polygon has a [`Defect`],
+    /// the loops are nested differently, or a loop of the target runs the other way round (a
+    /// mirrored target, which no map without folds reaches). O(n log n) for n vertices.
     pub fn new(source: Vec<Vec<DVec2>>, target: Vec<Vec<DVec2>>) -> Result<Self> {
         if source.len() != target.len() {
             return Err(Error::input(

@@ -1,4 +1,5 @@
-//! Composite maps: a sequence of polygons, and the points of the plane carried from each to the next.
+//! Composite maps: a sequence of polygons, and the points of the plane carried from each to the
+//! next.
 
 use glam::{DMat2, DVec2};
 
@@ -12,23 +13,24 @@ use crate::geometry::Polygon;
 pub struct Mapped {
     /// The point sought: the image of a forward query, the pre-image of an inverse one.
     pub point: DVec2,
-    /// Derivative of the *forward* map at the point of the source: column j is the derivative by coordinate j. Its determinant
-    /// is the Jacobian J. One-sided at vertices of the polygons.
+    /// Derivative of the *forward* map at the point of the source: column j is the derivative by
+    /// coordinate j. Its determinant is the Jacobian J. One-sided at vertices of the polygons.
     pub derivative: DMat2,
 }
 
 impl Mapped {
-    /// The Jacobian J of the forward map: the factor by which it scales areas, negative where it folds.
+    /// The Jacobian J of the forward map: the factor by which it scales areas, negative where it
+    /// folds.
     pub fn jacobian(&self) -> f64 {
         self.derivative.determinant()
     }
 }
 
-/// f = f_{m-1} ∘ … ∘ f_0, where f_k maps polygon k to polygon k + 1 by barycentric coordinates (Schneider, Hormann, Floater
-/// 2013, Definition 3).
+/// f = f_{m-1} ∘ … ∘ f_0, where f_k maps polygon k to polygon k + 1 by barycentric coordinates
+/// (Schneider, Hormann, Floater 2013, Definition 3).
 ///
-/// Points are in the units and axes of the polygons. Steps are held in double and in single precision, about the centre of
-/// their own polygons ([`Frame`]).
+/// Points are in the units and axes of the polygons. Steps are held in double and in single
+/// precision, about the centre of their own polygons ([`Frame`]).
 #[derive(Clone, Debug)]
 pub struct CompositeMap {
     coordinates: Coordinates,
@@ -43,10 +45,12 @@ pub struct CompositeMap {
 }
 
 impl CompositeMap {
-    /// The map through `polygons`, which have the same loops and are simple: a [`super::Partition`] has tested them.
+    /// The map through `polygons`, which have the same loops and are simple: a [`super::Partition`]
+    /// has tested them.
     ///
     /// # Errors
-    /// [`Error::Input`] if there are fewer than two polygons or their loops differ in number or length.
+    /// [`Error::Input`] if there are fewer than two polygons or their loops differ in number or
+    /// length.
     pub fn new(coordinates: Coordinates, polygons: Vec<Polygon>) -> Result<Self> {
         if polygons.len() < 2 {
             return Err(Error::input(
@@ -105,7 +109,8 @@ impl CompositeMap {
         &self.steps
     }
 
-    /// The steps through the same pairs of polygons in reverse; element `k` approximates the inverse of step `k`.
+    /// The steps through the same pairs of polygons in reverse; element `k` approximates the
+    /// inverse of step `k`.
     pub(super) fn reversed_steps(&self) -> &[Step<f64>] {
         &self.reversed
     }
@@ -120,15 +125,17 @@ impl CompositeMap {
         &self.single
     }
 
-    /// The composite through the same polygons in reverse: an approximation of the inverse whose error falls like 1/m with the
-    /// number of steps m (section 4.4 and Figure 12 of the paper). [`CompositeMap::inverse`] is the exact one.
+    /// The composite through the same polygons in reverse: an approximation of the inverse whose
+    /// error falls like 1/m with the number of steps m (section 4.4 and Figure 12 of the paper).
+    /// [`CompositeMap::inverse`] is the exact one.
     pub fn backward(&self) -> Self {
         let polygons = self.polygons.iter().rev().cloned().collect();
         // The reversed polygons have passed the tests of `new`.
         Self::new(self.coordinates, polygons).unwrap_or_else(|_| self.clone())
     }
 
-    /// The image of `p` and the derivative there, in double precision. O(m n) for m steps and n vertices.
+    /// The image of `p` and the derivative there, in double precision. O(m n) for m steps and n
+    /// vertices.
     pub fn forward(&self, p: DVec2) -> Mapped {
         let mut at: [f64; 2] = self.frame(0).local(p);
         let mut derivative = DMat2::IDENTITY;

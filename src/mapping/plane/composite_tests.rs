@@ -1,4 +1,5 @@
-//! What holds for composite maps whatever the path: interpolation, derivative, inverse, and how the backward map converges.
+//! What holds for composite maps whatever the path: interpolation, derivative, inverse, and how the
+//! backward map converges.
 
 use glam::DVec2;
 
@@ -66,7 +67,8 @@ fn the_derivative_is_the_limit_of_differences() {
             [DVec2::X, DVec2::Y].map(|e| (map.forward(p + e * h).point - map.forward(p - e * h).point) / (2.0 * h));
         let d = map.forward(p).derivative;
         let off = (d.x_axis - columns[0]).length() + (d.y_axis - columns[1]).length();
-        // Central differences: h^2 times the third derivative, and the rounding of the values over h.
+        // Central differences: h^2 times the third derivative, and the rounding of the values over
+        // h.
         assert!(off < 1e-6, "at {p}: {off}");
     }
 }

@@ -8,10 +8,10 @@ use crate::geometry::Polygon;
 /// Local coordinates of one polygon: `(p - vertex - middle) * scale`.
 ///
 /// Local coordinates are 0 at the centre of the polygon's bounding box. It is told by a vertex and
-/// the way from there, so that it
-/// does not round where the polygon is far away ([`crate::geometry::frame`]); the scale is common
-/// to all polygons of a composite map, so that a
-/// step goes from one frame to the next with no conversion: its displacements are differences of local coordinates.
+/// the way from there, so that it does not round where the polygon is far away
+/// ([`crate::geometry::frame`]); the scale is common to all polygons of a composite map, so that a
+/// step goes from one frame to the next with no conversion: its displacements are differences of
+/// local coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
     vertex: DVec2,
@@ -32,7 +32,8 @@ impl Frame {
         Self { vertex, middle: 0.5 * (low + high), scale }
     }
 
-    /// The scale that brings the largest of the polygons to the size 1. A power of two: scaling is exact.
+    /// The scale that brings the largest of the polygons to the size 1. A power of two: scaling is
+    /// exact.
     pub fn common_scale<'a>(polygons: impl IntoIterator<Item = &'a Polygon>) -> f64 {
         let size = polygons.into_iter().map(Polygon::size).fold(0.0, f64::max);
         if size > 0.0 && size.is_finite() { (-size.log2().ceil()).exp2() } else { 1.0 }

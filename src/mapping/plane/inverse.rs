@@ -5,25 +5,30 @@ use glam::{DMat2, DVec2};
 use super::composite::{CompositeMap, Mapped, matrix};
 use super::step::Step;
 
-/// Iterations of Newton's method on one step; it converges quadratically, so more mean that it does not.
+/// Iterations of Newton's method on one step; it converges quadratically, so more mean that it does
+/// not.
 const ITERATIONS: usize = 40;
 
 /// Halvings of an iteration that does not bring the image closer.
 const HALVINGS: usize = 30;
 
-/// A residual is zero when it is below this many roundings of the size of the polygons, which is 1 in local coordinates.
+/// A residual is zero when it is below this many roundings of the size of the polygons, which is 1
+/// in local coordinates.
 const ROUNDINGS: f64 = 64.0;
 
 /// Most parts into which continuation divides the way to a point.
 const PARTS: f64 = 1024.0;
 
 impl CompositeMap {
-    /// The point that is mapped to `q`, in double precision; the derivative is the forward one there.
+    /// The point that is mapped to `q`, in double precision; the derivative is the forward one
+    /// there.
     ///
-    /// Step by step from the last: the step through the reversed pair of polygons gives a start whose error is quadratic in
-    /// the displacement, damped Newton iterations with the analytic derivative finish, and where they stall the solution is
-    /// followed along the line from an image that is known. Inside the target polygon of a map that does not fold there is
-    /// exactly one pre-image. `None` where nothing is found, as can happen outside it or where the map folds.
+    /// Step by step from the last: the step through the reversed pair of polygons gives a start
+    /// whose error is quadratic in the displacement, damped Newton iterations with the analytic
+    /// derivative finish, and where they stall the solution is followed along the line from an
+    /// image that is known. Inside the target polygon of a map that does not fold there is exactly
+    /// one pre-image. `None` where nothing is found, as can happen outside it or where the map
+    /// folds.
     pub fn inverse(&self, q: DVec2) -> Option<Mapped> {
         let mut at: [f64; 2] = self.frame(self.step_count()).local(q);
         let mut derivative = DMat2::IDENTITY;
@@ -34,8 +39,8 @@ impl CompositeMap {
         Some(Mapped { point: self.frame(0).world(at), derivative })
     }
 
-    /// Finishes a pre-image of `q` that is known roughly: Newton's method on the whole composite from `guess`, and
-    /// [`CompositeMap::inverse`] where that stalls.
+    /// Finishes a pre-image of `q` that is known roughly: Newton's method on the whole composite
+    /// from `guess`, and [`CompositeMap::inverse`] where that stalls.
     pub fn refine(&self, q: DVec2, guess: DVec2) -> Option<Mapped> {
         let (mut p, mut image) = (guess, self.forward(guess));
         let size = self.target().size().max(self.source().size());
@@ -110,7 +115,8 @@ fn newton(step: &Step<f64>, goal: DVec2, start: DVec2) -> Option<DVec2> {
             }
             halved += 1;
             if halved > HALVINGS {
-                // No decrease is possible: at the rounding of the map, or at a place where its derivative jumps.
+                // No decrease is possible: at the rounding of the map, or at a place where its
+                // derivative jumps.
                 let close = ROUNDINGS * ROUNDINGS * f64::EPSILON * size;
                 return (off.length() <= close).then_some(x);
             }

@@ -1,4 +1,5 @@
-//! Images and pre-images of many points: single precision on the back end, finished in double precision.
+//! Images and pre-images of many points: single precision on the back end, finished in double
+//! precision.
 
 use glam::{DMat2, DVec2};
 use rayon::prelude::*;
@@ -14,21 +15,23 @@ type Rows<R> = [[R; 2]; 2];
 /// Iterations of Newton's method in single precision before a point is left to the damped one.
 const ITERATIONS: usize = 6;
 
-/// A correction below this (in local coordinates, where the largest polygon has the size 1) leaves the rest to the step in
-/// double precision: convergence is quadratic, so what is left is far below a rounding of single precision squared.
+/// A correction below this (in local coordinates, where the largest polygon has the size 1) leaves
+/// the rest to the step in double precision: convergence is quadratic, so what is left is far below
+/// a rounding of single precision squared.
 const SETTLED: f64 = 2.5e-4;
 
-/// Error of a pre-image times the derivative there, as a fraction of the size of the largest polygon: 0.001 pixels of a picture
-/// of 2,048.
+/// Error of a pre-image times the derivative there, as a fraction of the size of the largest
+/// polygon: 0.001 pixels of a picture of 2,048.
 const TOLERANCE: f64 = 4.8e-7;
 
-/// What the estimate of the error is multiplied by: two because the kept derivative is that of the point before the last
-/// correction, the rest because it may change faster where that step crosses the surroundings of a vertex.
+/// What the estimate of the error is multiplied by: two because the kept derivative is that of the
+/// point before the last correction, the rest because it may change faster where that step crosses
+/// the surroundings of a vertex.
 const SAFETY: f64 = 16.0;
 
 impl CompositeMap {
-    /// The images of many points, with derivatives: [`CompositeMap::forward`] on the back end of `engine`, in single precision
-    /// unless it is the reference. In the order of the points.
+    /// The images of many points, with derivatives: [`CompositeMap::forward`] on the back end of
+    /// `engine`, in single precision unless it is the reference. In the order of the points.
     ///
     /// # Errors
     /// [`Error::Device`] if the device fails.
@@ -51,7 +54,8 @@ impl CompositeMap {
         Ok(at.into_iter().zip(derivatives).map(mapped).collect())
     }
 
-    /// The images of many points without derivatives: [`CompositeMap::forward_points`] at half the cost.
+    /// The images of many points without derivatives: [`CompositeMap::forward_points`] at half the
+    /// cost.
     ///
     /// # Errors
     /// [`Error::Device`] if the device fails.
@@ -67,8 +71,9 @@ impl CompositeMap {
         Ok(at.into_iter().map(|p| last.world(p)).collect())
     }
 
-    /// The images of many points by the composite through the reversed polygons: an approximation of the inverse, and the start
-    /// of the exact one where nothing better is known. Single precision.
+    /// The images of many points by the composite through the reversed polygons: an approximation
+    /// of the inverse, and the start of the exact one where nothing better is known. Single
+    /// precision.
     ///
     /// # Errors
     /// [`Error::Device`] if the device fails.
@@ -79,15 +84,19 @@ impl CompositeMap {
         Ok(at.into_iter().map(|p| first.world(p)).collect())
     }
 
-    /// The pre-images of many points, `None` where there is none: [`CompositeMap::inverse`] for pictures.
+    /// The pre-images of many points, `None` where there is none: [`CompositeMap::inverse`] for
+    /// pictures.
     ///
-    /// Newton's method on the whole composite with the analytic derivative, in single precision on the back end, from `guess`
-    /// or else from [`CompositeMap::backward_points`]; then a step in double precision, whose size says how far off the result
-    /// can be. The few points whose error may exceed 4.8e-7 of the size of the polygons (0.001 pixels of a picture of 2,048) are
-    /// done by [`CompositeMap::refine`]. Derivatives have the accuracy of single precision, except with the reference.
+    /// Newton's method on the whole composite with the analytic derivative, in single precision on
+    /// the back end, from `guess` or else from [`CompositeMap::backward_points`]; then a step in
+    /// double precision, whose size says how far off the result can be. The few points whose error
+    /// may exceed 4.8e-7 of the size of the polygons (0.001 pixels of a picture of 2,048) are done
+    /// by [`CompositeMap::refine`]. Derivatives have the accuracy of single precision, except with
+    /// the reference.
     ///
     /// # Errors
-    /// [`Error::Input`] if there are not as many guesses as points; [`Error::Device`] if the device fails.
+    /// [`Error::Input`] if there are not as many guesses as points; [`Error::Device`] if the device
+    /// fails.
     pub fn inverse_points(
         &self,
         engine: &Engine,

@@ -1,9 +1,10 @@
 //! The smallest Jacobian of a step (paper, section 4.2).
 //!
-//! Three places are looked at, because a raster sees only one of them: vertices by their limits in closed form
-//! ([`super::vertex_limit`]), where the minimum nearly always is; edges by samples; the interior by the pixel centres of a
-//! raster of the polygon. The smallest samples of the last two are then followed to the minimum next to them in double
-//! precision, so that the answer does not depend on where the samples happened to lie.
+//! Three places are looked at, because a raster sees only one of them: vertices by their limits in
+//! closed form ([`super::vertex_limit`]), where the minimum nearly always is; edges by samples; the
+//! interior by the pixel centres of a raster of the polygon. The smallest samples of the last two
+//! are then followed to the minimum next to them in double precision, so that the answer does not
+//! depend on where the samples happened to lie.
 
 use rayon::prelude::*;
 
@@ -31,7 +32,8 @@ const TASK: usize = 64;
 /// Samples nearer to one another than this, in pixels, lead to the same minimum.
 const APART: f64 = 6.0;
 
-/// A place on the edges counts as smaller than a vertex only by more than rounding, and so does one inside.
+/// A place on the edges counts as smaller than a vertex only by more than rounding, and so does one
+/// inside.
 const ROUNDING: f64 = 1e-12;
 
 /// A sample: the Jacobian, and where.
@@ -43,13 +45,14 @@ pub(super) struct Sample {
 
 /// The smallest Jacobian of the maps from the first to the second polygon of each pair.
 ///
-/// Time O(n) per sample and O(n^2) for the vertices. The same input gives the same result for any number of threads; ties go to
-/// vertices before edges before the interior, then to the lowest index. A value that is not finite counts as a fold and is
-/// given as negative infinity.
+/// Time O(n) per sample and O(n^2) for the vertices. The same input gives the same result for any
+/// number of threads; ties go to vertices before edges before the interior, then to the lowest
+/// index. A value that is not finite counts as a fold and is given as negative infinity.
 ///
 /// # Errors
-/// [`Error::Input`] if the polygons of a pair do not correspond, a coordinate is not finite, or the coordinates do not exist
-/// ([`Coordinates::check`]); [`Error::Option`] if the resolution is 0 or over [`MOST_RESOLUTION`].
+/// [`Error::Input`] if the polygons of a pair do not correspond, a coordinate is not finite, or the
+/// coordinates do not exist ([`Coordinates::check`]); [`Error::Option`] if the resolution is 0 or
+/// over [`MOST_RESOLUTION`].
 pub fn jacobian_min(
     engine: &Engine,
     coordinates: Coordinates,
@@ -79,7 +82,8 @@ pub fn jacobian_min(
     Ok(found.map(|((from, to), ((step, raster), interior))| minimum(from, to, step, raster, interior)).collect())
 }
 
-/// The smallest samples of the interiors, where `engine` works. What the kernel cannot do the CPU does.
+/// The smallest samples of the interiors, where `engine` works. What the kernel cannot do the CPU
+/// does.
 fn interior(engine: &Engine, steps: &[(Step<f64>, Raster)]) -> Result<Vec<Vec<Sample>>> {
     let device = engine.gpu_for("jacobian_min");
     if let Some(device) = device.filter(|_| steps.iter().all(|(step, _)| gpu::fits(step))) {

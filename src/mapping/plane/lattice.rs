@@ -1,4 +1,5 @@
-//! A map sampled on an adaptive lattice of its source: for previews, and for starts of exact inverses.
+//! A map sampled on an adaptive lattice of its source: for previews, and for starts of exact
+//! inverses.
 
 use std::collections::HashMap;
 
@@ -13,7 +14,8 @@ pub struct LatticeOptions {
     pub cell: f64,
     /// How many times a cell may be halved.
     pub depth: u32,
-    /// A cell is divided while the distance of an image inside it from its interpolation is estimated above this.
+    /// A cell is divided while the distance of an image inside it from its interpolation is
+    /// estimated above this.
     pub tolerance: f64,
     /// Most nodes; no more cells are divided when there are as many.
     pub nodes: usize,
@@ -26,11 +28,13 @@ impl Default for LatticeOptions {
     }
 }
 
-/// Triangles in the source with the images of their vertices: a continuous, piecewise linear approximation of a map.
+/// Triangles in the source with the images of their vertices: a continuous, piecewise linear
+/// approximation of a map.
 ///
-/// A quadtree of square cells over a rectangle. Each cell knows the images of its corners, of the middles of its sides and of
-/// its centre; where these are far from the means of the corners the map bends, and the cell is divided. Cells are cut into
-/// triangles around their centres through every node on their sides, so that cells of different size leave no crack.
+/// A quadtree of square cells over a rectangle. Each cell knows the images of its corners, of the
+/// middles of its sides and of its centre; where these are far from the means of the corners the
+/// map bends, and the cell is divided. Cells are cut into triangles around their centres through
+/// every node on their sides, so that cells of different size leave no crack.
 #[derive(Clone, Debug)]
 pub struct Lattice {
     /// Nodes in the source.
@@ -73,12 +77,12 @@ impl Nodes {
 }
 
 impl Lattice {
-    /// Samples a map over the rectangle from `low` to `high`; `map` gives the images of many points at once and is called once
-    /// for every depth.
+    /// Samples a map over the rectangle from `low` to `high`; `map` gives the images of many points
+    /// at once and is called once for every depth.
     ///
     /// # Errors
-    /// Those of `map`; [`Error::Input`] if the rectangle or the options are empty or not finite, or the coarsest cells alone
-    /// have more nodes than allowed.
+    /// Those of `map`; [`Error::Input`] if the rectangle or the options are empty or not finite, or
+    /// the coarsest cells alone have more nodes than allowed.
     pub fn new(
         low: DVec2,
         high: DVec2,
@@ -87,7 +91,8 @@ impl Lattice {
     ) -> Result<Self> {
         let size = high - low;
         let depth = options.depth.min(12);
-        // One more than the cells in a row, so that the count is right for sides that are no multiple of a cell.
+        // One more than the cells in a row, so that the count is right for sides that are no
+        // multiple of a cell.
         let across = (size / options.cell).ceil().max(DVec2::ONE);
         let nodes = (2.0 * across.x + 1.0) * (2.0 * across.y + 1.0);
         if !(size.x > 0.0 && size.y > 0.0 && nodes <= options.nodes as f64 && options.tolerance > 0.0) {
@@ -144,7 +149,8 @@ impl Lattice {
         Ok(Self { points, images, triangles })
     }
 
-    /// The images again, of a map that has changed, at the same nodes: what a frame of dragging needs.
+    /// The images again, of a map that has changed, at the same nodes: what a frame of dragging
+    /// needs.
     ///
     /// # Errors
     /// Those of `map`.
@@ -154,8 +160,8 @@ impl Lattice {
     }
 }
 
-/// Estimate of the interpolation's error in a cell of nine nodes. The triangles have half the side of the cell, so that they
-/// leave a quarter of what the corners alone leave at the other nodes.
+/// Estimate of the interpolation's error in a cell of nine nodes. The triangles have half the side
+/// of the cell, so that they leave a quarter of what the corners alone leave at the other nodes.
 fn bend(f: [DVec2; 9]) -> f64 {
     let off = |a: usize, b: usize, middle: usize| (f[a] + f[b]) * 0.5 - f[middle];
     let all = [off(0, 2, 1), off(0, 6, 3), off(2, 8, 5), off(6, 8, 7), off(0, 8, 4), off(2, 6, 4)];
@@ -163,7 +169,8 @@ fn bend(f: [DVec2; 9]) -> f64 {
     0.25 * most.sqrt()
 }
 
-/// All nodes from `from` to just before `to`, in order: finer neighbours have put more of them between.
+/// All nodes from `from` to just before `to`, in order: finer neighbours have put more of them
+/// between.
 fn side(index: &HashMap<UVec2, u32>, from: UVec2, to: UVec2, out: &mut Vec<u32>) {
     let sum = from + to;
     let middle = sum / 2;
@@ -180,7 +187,8 @@ mod tests {
     use super::*;
 
     fn bent(p: DVec2) -> DVec2 {
-        // A cone at (20, 12): bent most where it has no derivative, as maps are at the vertices of a cage.
+        // A cone at (20, 12): bent most where it has no derivative, as maps are at the vertices of
+        // a cage.
         let r = (p - DVec2::new(20.0, 12.0)).length();
         p + DVec2::new(0.3 * r, 0.0)
     }
@@ -202,7 +210,8 @@ mod tests {
         let sum: f64 = l.triangles.iter().map(|t| area(&l.points, *t)).sum();
         assert!((sum - 64.0 * 48.0).abs() < 1e-9, "{sum}");
         assert!(l.triangles.iter().all(|t| area(&l.points, *t) > 0.0));
-        // An inner edge has two triangles, in opposite directions; an edge of the rectangle has one.
+        // An inner edge has two triangles, in opposite directions; an edge of the rectangle has
+        // one.
         let mut edges: HashMap<(u32, u32), i32> = HashMap::new();
         for t in &l.triangles {
             for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {

@@ -16,10 +16,11 @@ const IDENTITY: [[f32; 2]; 2] = [[1.0, 0.0], [0.0, 1.0]];
 
 /// Takes `points` through all `steps` in turn, in place.
 ///
-/// Points are local coordinates: in the frame of the first step's polygon before, in that of the last step's image after
-/// ([`Step`]). Points on edges and at vertices stay on them exactly. Time O(n) per point and step. On a device the steps of a
-/// tile of points run in one submission; on the CPU on SIMD lanes in parallel; the back end `reference` works in double precision
-/// between the points it is given and those it returns.
+/// Points are local coordinates: in the frame of the first step's polygon before, in that of the
+/// last step's image after ([`Step`]). Points on edges and at vertices stay on them exactly. Time
+/// O(n) per point and step. On a device the steps of a tile of points run in one submission; on the
+/// CPU on SIMD lanes in parallel; the back end `reference` works in double precision between the
+/// points it is given and those it returns.
 ///
 /// # Errors
 /// [`Error::Device`] if the device fails, [`Error::Memory`] past its budget.
@@ -27,8 +28,9 @@ pub fn map_points(engine: &Engine, steps: &[Step<f32>], points: &mut [[f32; 2]])
     run(engine, steps, points, None)
 }
 
-/// As [`map_points`], with the derivative of the whole map at each point: the product of those of the steps, row by row
-/// (d f_x / d(x, y), d f_y / d(x, y)). What `derivatives` held before does not matter.
+/// As [`map_points`], with the derivative of the whole map at each point: the product of those of
+/// the steps, row by row (d f_x / d(x, y), d f_y / d(x, y)). What `derivatives` held before does
+/// not matter.
 ///
 /// # Errors
 /// As [`map_points`]; [`Error::Input`] if the lists differ in length.
@@ -72,8 +74,9 @@ fn run(
     Ok(())
 }
 
-/// As [`map_points`] on the CPU, in either precision. With `derivatives`, as long as `points`, each is multiplied from the left
-/// by the derivative of the map: start from the identity. The same result for any number of threads.
+/// As [`map_points`] on the CPU, in either precision. With `derivatives`, as long as `points`, each
+/// is multiplied from the left by the derivative of the map: start from the identity. The same
+/// result for any number of threads.
 pub fn map_points_on_cpu<E: LaneScalar>(
     lanes: Lanes,
     steps: &[Step<E>],

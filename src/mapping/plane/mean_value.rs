@@ -1,27 +1,32 @@
 //! Mean value coordinates that stay exact on edges and at vertices (paper, section 4.2).
 //!
-//! Equation (8), w_i = (t_{i-1} + t_i) / r_i with t_i = tan(alpha_i / 2), is infinite on an edge, and its gradient (9) loses
-//! all digits of single precision near one. Coordinates are ratios of weights, so a common factor is free. With s_i = v_i - v,
-//! A = s_i x s_{i+1} and D = s_i . s_{i+1} of each edge:
+//! Equation (8), w_i = (t_{i-1} + t_i) / r_i with t_i = tan(alpha_i / 2), is infinite on an edge,
+//! and its gradient (9) loses all digits of single precision near one. Coordinates are ratios of
+//! weights, so a common factor is free. With s_i = v_i - v, A = s_i x s_{i+1} and D = s_i . s_{i+1}
+//! of each edge:
 //!
-//! - t = A / (r r' + D) where D >= 0, else (r r' - D) / A: neither denominator cancels. A is the cross product of the *nearer*
-//!   end with the edge, which keeps its digits next to a vertex.
-//! - The edge k seen under the widest obtuse angle sets tau = 1 / t_k = A_k / (r r' - D_k), and T_i = tau t_i replaces t_i: T_k = 1,
-//!   the others are at most 1. tau is smooth through the edge and zero on it, where the weights become the linear ones.
-//! - All weights are multiplied by the distance r_q to the nearest vertex q, so that nothing overflows there.
+//! - t = A / (r r' + D) where D >= 0, else (r r' - D) / A: neither denominator cancels. A is the
+//!   cross product of the *nearer* end with the edge, which keeps its digits next to a vertex.
+//! - The edge k seen under the widest obtuse angle sets tau = 1 / t_k = A_k / (r r' - D_k), and T_i
+//!   = tau t_i replaces t_i: T_k = 1, the others are at most 1. tau is smooth through the edge and
+//!   zero on it, where the weights become the linear ones.
+//! - All weights are multiplied by the distance r_q to the nearest vertex q, so that nothing
+//!   overflows there.
 //!
-//! The gradient of t is (1 + t^2) / 2 times that of the angle, and that is a' - a with a = (s_y, -s_x) / r^2. The form is
-//! the same on both sides of an edge, outside the polygon and in its holes, for any number of loops.
+//! The gradient of t is (1 + t^2) / 2 times that of the angle, and that is a' - a with a = (s_y,
+//! -s_x) / r^2. The form is the same on both sides of an edge, outside the polygon and in its
+//! holes, for any number of loops.
 
 use super::outline::{Outline, cross, dot, sub};
 use crate::engine::Real;
 
-/// Distance, in local units, below which a point is at a vertex. Its square and the inverse of that are normal numbers of
-/// single precision.
+/// Distance, in local units, below which a point is at a vertex. Its square and the inverse of that
+/// are normal numbers of single precision.
 pub(super) const AT_VERTEX: f64 = 1e-15;
 
-/// Vertices whose terms are added up by themselves before they are added to the rest. In single precision the sums, not the terms,
-/// carry most of the error where there are many vertices: every term costs a rounding of what the sum has grown to so far.
+/// Vertices whose terms are added up by themselves before they are added to the rest. In single
+/// precision the sums, not the terms, carry most of the error where there are many vertices: every
+/// term costs a rounding of what the sum has grown to so far.
 pub(super) const BLOCK: usize = 32;
 
 /// Stands in for an area that is zero.
@@ -97,8 +102,9 @@ struct Half<R> {
     gradient: [R; 2],
 }
 
-/// Calls `each` with every vertex, its scaled weight and, if `GRADIENT`, the gradient of the latter. Scaled weights are a
-/// common multiple of the weights of (8); the point is not at a vertex. Within a loop the first vertex comes last.
+/// Calls `each` with every vertex, its scaled weight and, if `GRADIENT`, the gradient of the
+/// latter. Scaled weights are a common multiple of the weights of (8); the point is not at a
+/// vertex. Within a loop the first vertex comes last.
 #[inline(always)]
 pub(super) fn visit<R: Real, const GRADIENT: bool>(
     outline: &Outline<R>,

@@ -36,7 +36,8 @@ pub struct Minimum {
 }
 
 impl Minimum {
-    /// Whether the step does not fold as far as was sampled: the minimum is positive. Zero and NaN are folds.
+    /// Whether the step does not fold as far as was sampled: the minimum is positive. Zero and NaN
+    /// are folds.
     pub fn positive(&self) -> bool {
         self.value > 0.0
     }
@@ -45,7 +46,8 @@ impl Minimum {
 /// How finely the smallest Jacobian is searched for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SampleOptions {
-    /// Samples along the longer side of the polygon's bounding box. Vertices and edges are looked at in any case.
+    /// Samples along the longer side of the polygon's bounding box. Vertices and edges are looked
+    /// at in any case.
     pub resolution: u32,
 }
 

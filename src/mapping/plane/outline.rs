@@ -20,13 +20,15 @@ pub(super) struct Outline<R> {
     pub(super) displacements: Vec<[R; 2]>,
     /// The loops as ranges of vertices; each has at least one.
     pub(super) loops: Vec<Range<usize>>,
-    /// Squared distance from the origin beyond which a point is far away: a circle around the polygon with a margin.
+    /// Squared distance from the origin beyond which a point is far away: a circle around the
+    /// polygon with a margin.
     pub(super) far: R,
 }
 
 impl<R: Real> Outline<R> {
-    /// The pair in local coordinates of both frames at `scale`. Vertices are rounded to `R` first and displacements are
-    /// differences of rounded vertices, so that a vertex lands on the next polygon's own rounding of its image.
+    /// The pair in local coordinates of both frames at `scale`. Vertices are rounded to `R` first
+    /// and displacements are differences of rounded vertices, so that a vertex lands on the next
+    /// polygon's own rounding of its image.
     pub(super) fn new(from: &Polygon, to: &Polygon, scale: f64) -> Self {
         let local = |polygon: &Polygon| -> Vec<[R; 2]> {
             let frame = Frame::of(polygon, scale);

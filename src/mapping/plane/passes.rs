@@ -1,5 +1,6 @@
-//! The passes over a polygon that sweeps make, for one group of points. The form is that of [`super::mean_value`]; every lane
-//! has its own widest edge, kept as area, scalar product and number.
+//! The passes over a polygon that sweeps make, for one group of points. The form is that of
+//! [`super::mean_value`]; every lane has its own widest edge, kept as area, scalar product and
+//! number.
 
 use super::mean_value::BLOCK;
 use super::sweep::SweepStep;
@@ -9,7 +10,8 @@ use crate::engine::{Lane, Real};
 /// Stands in for an area that is zero, so that a weight it divides is a number yet.
 const ON_EDGE: f64 = 1e-18;
 
-/// A vertex as a sweep reads it: position, displacement, and the edge to the next vertex of its loop.
+/// A vertex as a sweep reads it: position, displacement, and the edge to the next vertex of its
+/// loop.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Corner<E> {
     pub(super) v: [E; 2],
@@ -291,8 +293,8 @@ fn half_tangent<L: Lane>(cpu: L::Cpu, corner: &Corner<L::E>, a: &Leg<L>, b: &Leg
     L::select(obtuse, sum, area) / L::select(obtuse, below, sum)
 }
 
-/// Image minus point alone, and the squared distance to the nearest vertex. Without derivatives nothing has to be scaled, for
-/// coordinates are ratios of the weights.
+/// Image minus point alone, and the squared distance to the nearest vertex. Without derivatives
+/// nothing has to be scaled, for coordinates are ratios of the weights.
 #[inline(always)]
 pub(super) fn moved<L: Lane>(cpu: L::Cpu, step: &SweepStep<'_, L::E>, x: L, y: L) -> ([L; 2], L) {
     let (zero, one) = (L::num(cpu, 0.0), L::num(cpu, 1.0));

@@ -8,7 +8,8 @@ use super::lattice::Lattice;
 /// Rows that one task fills.
 const BAND: usize = 16;
 
-/// Pixels whose centre lies this far outside a triangle still belong to it, so that none is lost between neighbours to rounding.
+/// Pixels whose centre lies this far outside a triangle still belong to it, so that none is lost
+/// between neighbours to rounding.
 const SLACK: f64 = 1e-6;
 
 /// Approximate pre-images of the pixel centres of a window of the canvas, row by row.
@@ -23,11 +24,11 @@ pub struct Preimages {
 }
 
 impl Preimages {
-    /// The pixels of the window with its top left corner at `origin`, in the units of the lattice, which are pixels; pixel
-    /// (x, y) has its centre at `origin + (x + 1/2, y + 1/2)`.
+    /// The pixels of the window with its top left corner at `origin`, in the units of the lattice,
+    /// which are pixels; pixel (x, y) has its centre at `origin + (x + 1/2, y + 1/2)`.
     ///
-    /// Linear in each triangle. Where triangles overlap, as they do where a map folds, the later one is taken. O(pixels +
-    /// triangles), parallel over rows.
+    /// Linear in each triangle. Where triangles overlap, as they do where a map folds, the later
+    /// one is taken. O(pixels + triangles), parallel over rows.
     pub fn of(lattice: &Lattice, origin: DVec2, size: UVec2) -> Self {
         let (width, height) = (size.x as usize, size.y as usize);
         let mut bands = vec![Vec::new(); height.div_ceil(BAND)];
@@ -59,7 +60,8 @@ impl Preimages {
     }
 }
 
-/// The pixels of some rows inside one triangle; its images are relative to the centre of the first of them.
+/// The pixels of some rows inside one triangle; its images are relative to the centre of the first
+/// of them.
 fn fill(q: [DVec2; 3], p: [DVec2; 3], width: usize, points: &mut [[f32; 2]], covered: &mut [bool]) {
     let twice = (q[1] - q[0]).perp_dot(q[2] - q[0]);
     if !(twice.abs() > f64::MIN_POSITIVE && twice.is_finite()) {
@@ -134,7 +136,8 @@ mod tests {
 
     #[test]
     fn affine_maps_are_inverted_and_every_pixel_is_covered() {
-        // Turned and sheared, so that edges cross rows at all angles; the window lies within the image.
+        // Turned and sheared, so that edges cross rows at all angles; the window lies within the
+        // image.
         let map = |p: DVec2| DVec2::new(1.3 * p.x - 0.4 * p.y, 0.2 * p.x + 0.9 * p.y) + DVec2::new(20.0, 0.0);
         let back = |q: DVec2| {
             let d = q - DVec2::new(20.0, 0.0);

@@ -1,4 +1,5 @@
-//! Where the Jacobian of a step is looked at: pixel centres inside its polygon, and points of its edges.
+//! Where the Jacobian of a step is looked at: pixel centres inside its polygon, and points of its
+//! edges.
 
 use std::ops::Range;
 
@@ -29,7 +30,8 @@ pub(super) struct Raster {
 }
 
 impl Raster {
-    /// The raster with `resolution` pixels along the longer side. Inside is what an odd number of edges encloses.
+    /// The raster with `resolution` pixels along the longer side. Inside is what an odd number of
+    /// edges encloses.
     pub(super) fn new(outline: &Outline<f64>, resolution: u32) -> Self {
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for v in &outline.vertices {
@@ -105,19 +107,22 @@ pub(super) fn contains(outline: &Outline<f64>, p: [f64; 2]) -> bool {
 /// Samples on the edges.
 #[derive(Clone, Debug)]
 pub(super) struct EdgeSamples {
-    /// Samples of an edge, as fractions of its length, denser towards the ends where the map changes fastest.
+    /// Samples of an edge, as fractions of its length, denser towards the ends where the map
+    /// changes fastest.
     pub(super) fractions: Vec<f64>,
 }
 
 impl EdgeSamples {
-    /// Samples for a polygon of `n` vertices: independent of any resolution, fewer on each of many edges.
+    /// Samples for a polygon of `n` vertices: independent of any resolution, fewer on each of many
+    /// edges.
     pub(super) fn new(n: usize) -> Self {
         let count = (8192 / n.max(1)).clamp(8, 32);
         let at = |i: usize| 0.5 - 0.5 * (std::f64::consts::PI * (i as f64 + 0.5) / count as f64).cos();
         Self { fractions: (0..count).map(at).collect() }
     }
 
-    /// The fractions around sample `i`: where a minimum near it lies. The ends stay off the vertices.
+    /// The fractions around sample `i`: where a minimum near it lies. The ends stay off the
+    /// vertices.
     pub(super) fn around(&self, i: usize) -> Range<f64> {
         let near = 1e-9;
         let low = if i == 0 { near } else { self.fractions[i - 1] };

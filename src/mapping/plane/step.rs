@@ -32,10 +32,12 @@ impl Coordinates {
         }
     }
 
-    /// Whether these coordinates exist for a (valid) polygon. The polygon a step leads to may be any.
+    /// Whether these coordinates exist for a (valid) polygon. The polygon a step leads to may be
+    /// any.
     ///
     /// # Errors
-    /// [`Error::Input`] for Wachspress coordinates of what is not one strictly convex loop, naming the vertex.
+    /// [`Error::Input`] for Wachspress coordinates of what is not one strictly convex loop, naming
+    /// the vertex.
     pub fn check(self, polygon: &Polygon) -> Result<()> {
         match self {
             Self::MeanValue => Ok(()),
@@ -86,9 +88,10 @@ pub struct Evaluation<R> {
 
 /// One map f from polygon `from` to polygon `to` with the same loops, prepared for the scalar `R`.
 ///
-/// Points go in and come out in local coordinates: of `Frame::of(from, scale)` before, of `Frame::of(to, scale)` after. O(n) per
-/// point. With mean value coordinates the map is defined in the whole plane, and linear on edges; next to the polygon the error is
-/// a few roundings of its size, at distance R from a polygon of size h it grows as (R / h)^2.
+/// Points go in and come out in local coordinates: of `Frame::of(from, scale)` before, of
+/// `Frame::of(to, scale)` after. O(n) per point. With mean value coordinates the map is defined in
+/// the whole plane, and linear on edges; next to the polygon the error is a few roundings of its
+/// size, at distance R from a polygon of size h it grows as (R / h)^2.
 #[derive(Clone, Debug)]
 pub struct Step<R> {
     pub(super) coordinates: Coordinates,
@@ -98,7 +101,8 @@ pub struct Step<R> {
 }
 
 impl<R: Real> Step<R> {
-    /// The step from `from` to `to`. Both must have the same loops; [`Coordinates::check`] tells whether the coordinates exist.
+    /// The step from `from` to `to`. Both must have the same loops; [`Coordinates::check`] tells
+    /// whether the coordinates exist.
     pub fn new(coordinates: Coordinates, from: &Polygon, to: &Polygon, scale: f64) -> Self {
         Self { coordinates, outline: Outline::new(from, to, scale), derivatives: OnceLock::new() }
     }
@@ -132,8 +136,8 @@ impl<R: Real> Step<R> {
 
     /// Image, derivative and Jacobian at `p`.
     ///
-    /// At a vertex of the polygon of mean value coordinates the image is exact and the derivative, which depends on the
-    /// direction there, is the limit along the bisector of the interior angle.
+    /// At a vertex of the polygon of mean value coordinates the image is exact and the derivative,
+    /// which depends on the direction there, is the limit along the bisector of the interior angle.
     pub fn evaluate(&self, p: [R; 2]) -> Evaluation<R> {
         let outline = &self.outline;
         match self.coordinates {
@@ -201,8 +205,8 @@ impl<R: Real> Step<R> {
         b
     }
 
-    /// Their gradients, by local coordinates; `p` is not at a vertex. With weights w_i and their sum W, the gradient of w_i / W is
-    /// (grad w_i - w_i / W grad W) / W.
+    /// Their gradients, by local coordinates; `p` is not at a vertex. With weights w_i and their
+    /// sum W, the gradient of w_i / W is (grad w_i - w_i / W grad W) / W.
     pub(super) fn gradients_of(&self, p: [R; 2]) -> Vec<[R; 2]> {
         let mut all = vec![(R::ZERO, [R::ZERO; 2]); self.outline.len()];
         let (mut total, mut slope) = (R::ZERO, [R::ZERO; 2]);
@@ -215,8 +219,8 @@ impl<R: Real> Step<R> {
         all.into_iter().map(gradient).collect()
     }
 
-    /// The weights of the coordinates at `p`, and their gradients if `GRADIENT`; at a vertex of mean value coordinates that vertex
-    /// alone, without a gradient.
+    /// The weights of the coordinates at `p`, and their gradients if `GRADIENT`; at a vertex of
+    /// mean value coordinates that vertex alone, without a gradient.
     fn visit<const GRADIENT: bool>(&self, p: [R; 2], mut each: impl FnMut(usize, R, [R; 2])) {
         let outline = &self.outline;
         match self.coordinates {
@@ -237,11 +241,13 @@ impl<R: Real> Step<R> {
 
 /// The barycentric coordinates of `p` in `polygon`, in the order of its vertices; they sum to 1.
 ///
-/// Exact on edges (two are not zero) and at vertices (one is 1). Mean value coordinates are defined in the whole plane and may
-/// be negative outside convex polygons; Wachspress coordinates are meant for points inside.
+/// Exact on edges (two are not zero) and at vertices (one is 1). Mean value coordinates are defined
+/// in the whole plane and may be negative outside convex polygons; Wachspress coordinates are meant
+/// for points inside.
 ///
 /// # Errors
-/// [`Error::Input`] if the polygon has no vertex, if the point is not finite, or as [`Coordinates::check`].
+/// [`Error::Input`] if the polygon has no vertex, if the point is not finite, or as
+/// [`Coordinates::check`].
 pub fn coordinates(kind: Coordinates, polygon: &Polygon, p: glam::DVec2) -> Result<Vec<f64>> {
     kind.check(polygon)?;
     if polygon.vertex_count() == 0 || !p.is_finite() {
@@ -288,8 +294,9 @@ impl<R: Real> Terms<R> {
     }
 }
 
-/// Sums over the vertices as they come, [`mean_value::BLOCK`] of them at a time. Displacements are taken relative to that of the
-/// vertex with the largest weight, whose own gradient, the only one that grows next to it, then drops out.
+/// Sums over the vertices as they come, [`mean_value::BLOCK`] of them at a time. Displacements are
+/// taken relative to that of the vertex with the largest weight, whose own gradient, the only one
+/// that grows next to it, then drops out.
 struct Sums<'a, R> {
     outline: &'a Outline<R>,
     base: [R; 2],
@@ -338,8 +345,9 @@ impl<'a, R: Real> Sums<'a, R> {
         all
     }
 
-    /// The sum W of the weights. Far away it cancels, to (h / R)^2 of its terms; there it is taken from W p = sum w_i v_i, the
-    /// linear precision of the coordinates, whose terms cancel to h / R only.
+    /// The sum W of the weights. Far away it cancels, to (h / R)^2 of its terms; there it is taken
+    /// from W p = sum w_i v_i, the linear precision of the coordinates, whose terms cancel to h / R
+    /// only.
     fn total(&self, all: &Terms<R>, p: [R; 2]) -> R {
         let square = dot(p, p);
         if square > self.outline.far { dot(all.moment, p) / square } else { all.weight }

@@ -141,8 +141,8 @@ fn limits_at_vertices_are_those_of_the_map() {
                     let e = map.evaluate([v[0] + r * direction[0], v[1] + r * direction[1]]);
                     for row in 0..2 {
                         for axis in 0..2 {
-                            // The next term of the expansion is linear in r; its factor is of the size of the
-                            // derivative over the shortest edge.
+                            // The next term of the expansion is linear in r; its factor is of the
+                            // size of the derivative over the shortest edge.
                             let (found, limit) = (e.derivative[row][axis], derivative[row][axis]);
                             let bound = 50.0 * r * (1.0 + limit.abs());
                             assert!((found - limit).abs() < bound, "{name} vertex {} at {phi}, {r}", corner.index);
@@ -154,7 +154,8 @@ fn limits_at_vertices_are_those_of_the_map() {
                 }
             }
             let inf = limit.smallest();
-            // At 41 samples of phi the sinusoid is at most 0.3 % of its amplitude above its lowest point.
+            // At 41 samples of phi the sinusoid is at most 0.3 % of its amplitude above its lowest
+            // point.
             let amplitude = 1.0 + smallest.abs() * 10.0;
             assert!(inf < smallest + 1e-5 * amplitude, "{name} vertex {}: {inf} {smallest}", corner.index);
             assert!(inf > smallest - 3e-3 * amplitude, "{name} vertex {}: {inf} {smallest}", corner.index);

@@ -1,6 +1,7 @@
 //! Steps for many points at once on SIMD lanes: the fast path of the CPU back end.
 //!
-//! Points at a vertex, where the form of [`super::passes`] divides by zero, are told by their distance and left to the reference.
+//! Points at a vertex, where the form of [`super::passes`] divides by zero, are told by their
+//! distance and left to the reference.
 
 use super::mean_value::AT_VERTEX;
 use super::outline::Outline;
@@ -8,7 +9,8 @@ use super::passes::{Corner, around, moved};
 use super::step::{Coordinates, Step, determinant};
 use crate::engine::{Lane, LaneScalar, Lanes, Real, Sweep, TILE};
 
-/// Points component by component, in whole tiles; what fills the last one is a copy of the last point.
+/// Points component by component, in whole tiles; what fills the last one is a copy of the last
+/// point.
 #[derive(Clone, Debug)]
 pub(super) struct SweepPoints<E> {
     x: Vec<E>,
@@ -80,7 +82,8 @@ impl<'a, E: LaneScalar> SweepStep<'a, E> {
         Self { step, corners: step.outline.edges().map(corner).collect(), next, swept }
     }
 
-    /// Moves the points on the calling thread; derivatives are multiplied from the left by that of the step.
+    /// Moves the points on the calling thread; derivatives are multiplied from the left by that of
+    /// the step.
     pub(super) fn apply(&self, lanes: Lanes, points: &mut SweepPoints<E>) {
         if self.swept {
             lanes.run(Apply { step: self, points });

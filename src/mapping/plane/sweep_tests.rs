@@ -28,8 +28,8 @@ fn cases() -> Vec<(Polygon, Polygon)> {
     cases
 }
 
-/// The largest difference of images and derivatives between lanes and the reference in double precision on the same input,
-/// relative to max(1, size of the derivative).
+/// The largest difference of images and derivatives between lanes and the reference in double
+/// precision on the same input, relative to max(1, size of the derivative).
 fn worst<E: LaneScalar>(lanes: Lanes) -> (f64, f64) {
     let (mut of_points, mut of_derivatives) = (0f64, 0f64);
     for (from, to) in cases() {

@@ -23,7 +23,8 @@ pub(super) fn star(n: usize, even: f64, odd: f64, turned: [f64; 2]) -> Polygon {
     ])
 }
 
-/// Two squares, half sides 1 and 0.4, the inner one turned; linear path from 0 to 90 degrees at `t`.
+/// Two squares, half sides 1 and 0.4, the inner one turned; linear path from 0 to 90 degrees at
+/// `t`.
 pub(super) fn nested_squares(t: f64) -> Polygon {
     let pair = polygons::nested_squares();
     between(&pair.source, &pair.target, t)
@@ -35,7 +36,8 @@ pub(super) fn between(a: &Polygon, b: &Polygon, t: f64) -> Polygon {
     Polygon::from_loops(loops.map(|(a, b)| a.iter().zip(b).map(|(v, w)| v.lerp(*w, t)).collect()).collect())
 }
 
-/// Pairs A, B and C: a star to the one with tips and notches exchanged, a star with its tips turned, a square with a corner moved in.
+/// Pairs A, B and C: a star to the one with tips and notches exchanged, a star with its tips
+/// turned, a square with a corner moved in.
 pub(super) fn pairs() -> [(&'static str, Polygon, Polygon); 3] {
     let named = |name, pair: polygons::PolygonPair| (name, pair.source, pair.target);
     [

@@ -1,11 +1,14 @@
 //! What a mean value map does next to a vertex: limits in closed form.
 //!
-//! The gradient of the map does not exist at a vertex v_k: it depends on the direction from which v_k is approached. With beta
-//! the interior angle and phi in [-beta/2, beta/2] measured from its bisector, the map is
-//! vhat_k + r (p0 + p1 cos phi + p2 sin phi) + O(r^2), and with E+ and E- the images of the unit vectors along both edges
+//! The gradient of the map does not exist at a vertex v_k: it depends on the direction from which
+//! v_k is approached. With beta the interior angle and phi in [-beta/2, beta/2] measured from its
+//! bisector, the map is vhat_k + r (p0 + p1 cos phi + p2 sin phi) + O(r^2), and with E+ and E- the
+//! images of the unit vectors along both edges
 //!
-//! - Q = sum over the other edges of t (d_i / r_i + d_j / r_j), t and r seen from v_k, d the images relative to vhat_k,
-//! - p0 = (E+ + E-) / 2 - cot(beta/2) Q / 2, p1 = Q / (2 sin(beta/2)), p2 = (E- - E+) / (2 sin(beta/2)),
+//! - Q = sum over the other edges of t (d_i / r_i + d_j / r_j), t and r seen from v_k, d the images
+//!   relative to vhat_k,
+//! - p0 = (E+ + E-) / 2 - cot(beta/2) Q / 2, p1 = Q / (2 sin(beta/2)), p2 = (E- - E+) / (2
+//!   sin(beta/2)),
 //! - J(phi) = p1 x p2 + (p0 x p2) cos phi - (p0 x p1) sin phi.
 //!
 //! The smallest Jacobian of a map is nearly always such a limit, where no pixel lies.
@@ -30,7 +33,8 @@ impl<R: Real> VertexLimit<R> {
     pub(super) fn new(outline: &Outline<R>, before: usize, k: usize, after: usize) -> Self {
         let (v, u) = (&outline.vertices, &outline.displacements);
         let two = R::of(2.0);
-        // By linearity of the map in the images, displacements give what is to be added to the identity.
+        // By linearity of the map in the images, displacements give what is to be added to the
+        // identity.
         let along = |j: usize| {
             let (s, d) = (sub(v[j], v[k]), sub(u[j], u[k]));
             let inverse = R::ONE / dot(s, s).sqrt();
@@ -100,7 +104,8 @@ impl<R: Real> VertexLimit<R> {
         })
     }
 
-    /// The smallest limit of the Jacobian over all directions into the polygon, both edges included.
+    /// The smallest limit of the Jacobian over all directions into the polygon, both edges
+    /// included.
     pub(super) fn smallest(&self) -> R {
         let [p0, p1, p2] = self.p;
         let (c, s) = (cross(p0, p2), -cross(p0, p1));

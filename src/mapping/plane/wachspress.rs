@@ -1,8 +1,9 @@
 //! Wachspress coordinates of a strictly convex polygon, the paper's second basis (Fig. 2).
 //!
-//! w_i = C_i / (A_{i-1} A_i), with A_e twice the area that the point spans with edge e and C_i that of the corner. They are
-//! rational, so they have derivatives at vertices as everywhere in the closed polygon. All weights are divided by the
-//! largest, w_q: on an edge or at a vertex the areas that vanish there are then in numerators only.
+//! w_i = C_i / (A_{i-1} A_i), with A_e twice the area that the point spans with edge e and C_i that
+//! of the corner. They are rational, so they have derivatives at vertices as everywhere in the
+//! closed polygon. All weights are divided by the largest, w_q: on an edge or at a vertex the areas
+//! that vanish there are then in numerators only.
 
 use super::outline::{Outline, cross, dot, sub};
 use crate::engine::Real;

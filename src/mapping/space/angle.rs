@@ -1,8 +1,10 @@
-//! Angles from their sine and cosine, by a polynomial: what the kernels can evaluate alike, and lanes as well.
+//! Angles from their sine and cosine, by a polynomial: what the kernels can evaluate alike, and
+//! lanes as well.
 //!
-//! The quotient of the smaller and the larger is brought below tan(pi / 8) by atan a = pi / 4 + atan((a - 1) / (a + 1)), in one
-//! division. In single precision four coefficients of the Cephes library (Moshier) follow, relative error 2e-7 with rounding;
-//! in double precision the power series, whose 22nd term is below the rounding there.
+//! The quotient of the smaller and the larger is brought below tan(pi / 8) by atan a = pi / 4 +
+//! atan((a - 1) / (a + 1)), in one division. In single precision four coefficients of the Cephes
+//! library (Moshier) follow, relative error 2e-7 with rounding; in double precision the power
+//! series, whose 22nd term is below the rounding there.
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
@@ -39,8 +41,8 @@ fn polynomial<L: Lane>(cpu: L::Cpu, s: L) -> L {
     sum
 }
 
-/// The angle in 0..=pi whose sine and cosine are in the ratio `y` to `x`, `y` not negative; accurate relative to itself where it
-/// is small. Zero where both are zero.
+/// The angle in 0..=pi whose sine and cosine are in the ratio `y` to `x`, `y` not negative;
+/// accurate relative to itself where it is small. Zero where both are zero.
 #[inline(always)]
 pub(super) fn angle<L: Lane>(cpu: L::Cpu, y: L, x: L) -> L {
     let (zero, across) = (L::num(cpu, 0.0), x.abs());

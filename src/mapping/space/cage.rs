@@ -15,8 +15,9 @@ const NO_AREA: f64 = 1e-14;
 
 /// Two closed polyhedra with the same faces.
 ///
-/// Polygons are cut into triangles as fans from the first corner they have in the source, the same way in both. Vertices of no face are
-/// kept and do not count. Orientation is normalised on construction: triangles run anticlockwise seen from outside.
+/// Polygons are cut into triangles as fans from the first corner they have in the source, the same
+/// way in both. Vertices of no face are kept and do not count. Orientation is normalised on
+/// construction: triangles run anticlockwise seen from outside.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cage {
     /// The faces of both.
@@ -28,13 +29,15 @@ pub struct Cage {
 }
 
 impl Cage {
-    /// Pairs the vertices of two meshes by their numbers. Their polygons have to be the same; they may come in another order, begin
-    /// at another corner, and all of them may run the other way round.
+    /// Pairs the vertices of two meshes by their numbers. Their polygons have to be the same; they
+    /// may come in another order, begin at another corner, and all of them may run the other way
+    /// round.
     ///
     /// # Errors
-    /// [`Error::Mesh`] that names the mesh, the element and the remedy: where there are no faces or too many, where vertex counts or
-    /// polygons differ, for open and non-manifold edges and faces that are oriented against each other, for positions that are
-    /// not finite, for faces without an area, and for a target that is inside out. O(F log F) for F faces.
+    /// [`Error::Mesh`] that names the mesh, the element and the remedy: where there are no faces or
+    /// too many, where vertex counts or polygons differ, for open and non-manifold edges and faces
+    /// that are oriented against each other, for positions that are not finite, for faces without
+    /// an area, and for a target that is inside out. O(F log F) for F faces.
     pub fn new(source: &Mesh, target: &Mesh) -> Result<Self> {
         let wrong = |mesh: &Mesh, what: String, remedy: &str| Err(Error::mesh(&mesh.name, what, remedy));
         for mesh in [source, target] {

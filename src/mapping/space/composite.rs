@@ -19,13 +19,15 @@ pub struct Mapped {
 }
 
 impl Mapped {
-    /// The Jacobian of the forward map: the factor by which it scales volumes, negative where it folds.
+    /// The Jacobian of the forward map: the factor by which it scales volumes, negative where it
+    /// folds.
     pub fn jacobian(&self) -> f64 {
         self.derivative.determinant()
     }
 }
 
-/// f = f_{m-1} ∘ … ∘ f_0, where f_k maps polyhedron k to polyhedron k + 1 by mean value coordinates (section 4.5).
+/// f = f_{m-1} ∘ … ∘ f_0, where f_k maps polyhedron k to polyhedron k + 1 by mean value coordinates
+/// (section 4.5).
 #[derive(Clone, Debug)]
 pub struct CompositeMap {
     triangles: Vec<[u32; 3]>,
@@ -34,10 +36,12 @@ pub struct CompositeMap {
 }
 
 impl CompositeMap {
-    /// The map through `polyhedra`, positions of the vertices of `triangles`, which run anticlockwise seen from outside.
+    /// The map through `polyhedra`, positions of the vertices of `triangles`, which run
+    /// anticlockwise seen from outside.
     ///
     /// # Errors
-    /// [`Error::Input`] if there are fewer than two polyhedra, or a vertex is missing or not finite.
+    /// [`Error::Input`] if there are fewer than two polyhedra, or a vertex is missing or not
+    /// finite.
     pub fn new(triangles: Vec<[u32; 3]>, polyhedra: Vec<Vec<DVec3>>) -> Result<Self> {
         let wrong = |what: String| Err(Error::input(what, "Make the polyhedra by a partition of a cage"));
         if polyhedra.len() < 2 {
@@ -65,7 +69,8 @@ impl CompositeMap {
         self.polyhedra.len() - 1
     }
 
-    /// The frame of polyhedron `k`, in which step `k` takes its points and step `k - 1` leaves them.
+    /// The frame of polyhedron `k`, in which step `k` takes its points and step `k - 1` leaves
+    /// them.
     pub fn frame(&self, k: usize) -> Frame {
         Frame::of(&self.polyhedra[k], self.scale)
     }
@@ -80,13 +85,14 @@ impl CompositeMap {
         Step::new(&self.triangles, &self.polyhedra[k + 1], &self.polyhedra[k], self.scale)
     }
 
-    /// The composite through the same polyhedra in reverse: an approximation of the inverse whose error falls like 1/m with the number of
-    /// steps m. [`CompositeMap::inverse`] is the exact one.
+    /// The composite through the same polyhedra in reverse: an approximation of the inverse whose
+    /// error falls like 1/m with the number of steps m. [`CompositeMap::inverse`] is the exact one.
     pub fn backward(&self) -> Self {
         Self { polyhedra: self.polyhedra.iter().rev().cloned().collect(), ..self.clone() }
     }
 
-    /// The images of `points`: in single precision, on the device of `engine` if it has one, or in double precision by the back end `reference`.
+    /// The images of `points`: in single precision, on the device of `engine` if it has one, or in
+    /// double precision by the back end `reference`.
     ///
     /// # Errors
     /// As [`map_points_3d`].

@@ -8,7 +8,8 @@ use crate::engine::Engine;
 use crate::error::Result;
 use crate::progress::Quiet;
 
-/// A cube of `n` x `n` quads a side, and the same with its top turned about the y axis by `degrees` against the bottom, most of it in the middle.
+/// A cube of `n` x `n` quads a side, and the same with its top turned about the y axis by `degrees`
+/// against the bottom, most of it in the middle.
 fn twisted(n: usize, degrees: f64) -> Cage {
     let (triangles, source) = box_cage(n);
     Cage { triangles, target: source.iter().map(|&p| turned(p, degrees)).collect(), source: source.clone() }
@@ -47,7 +48,8 @@ fn composite(cage: &Cage, found: &Partition) -> CompositeMap {
 
 #[test]
 fn a_cube_twisted_by_90_degrees_folds_directly_and_not_in_steps() {
-    // Cut into nine quads a side; and the bare cube, by 80 degrees: by 90 its diagonals meet on the axis.
+    // Cut into nine quads a side; and the bare cube, by 80 degrees: by 90 its diagonals meet on the
+    // axis.
     for (n, degrees) in [(3, 90.0), (1, 80.0), (1, -80.0)] {
         let cage = twisted(n, degrees);
         let path = Twist(&cage, degrees);

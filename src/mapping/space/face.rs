@@ -4,7 +4,8 @@ use glam::DVec3;
 
 use crate::engine::Real;
 
-/// A triangle of a cage as the formulas read it. Edge `j` lies opposite to corner `j` and runs from corner `j + 1` to `j + 2`.
+/// A triangle of a cage as the formulas read it. Edge `j` lies opposite to corner `j` and runs from
+/// corner `j + 1` to `j + 2`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Face<E> {
     pub(super) corners: [[E; 3]; 3],

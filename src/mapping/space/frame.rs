@@ -33,7 +33,8 @@ impl Frame {
         Self { vertex, middle: 0.5 * (low + high), scale }
     }
 
-    /// The scale that brings the largest of the polyhedra to a diameter of about 1. A power of two: scaling is exact.
+    /// The scale that brings the largest of the polyhedra to a diameter of about 1. A power of two:
+    /// scaling is exact.
     pub fn common_scale<'a>(polyhedra: impl IntoIterator<Item = &'a [DVec3]>) -> f64 {
         let size = |p: &[DVec3]| {
             let (low, high) = bounds(p);

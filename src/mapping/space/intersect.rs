@@ -1,7 +1,9 @@
-//! Whether a triangle mesh intersects itself, by exact predicates (Shewchuk's, from the crate `robust`).
+//! Whether a triangle mesh intersects itself, by exact predicates (Shewchuk's, from the crate
+//! `robust`).
 //!
-//! Two triangles meet where an edge of one meets the other; neighbours may share their common corner or edge and nothing else. Pairs
-//! are found by sweeping boxes along one axis. O(F log F + pairs whose boxes overlap along it).
+//! Two triangles meet where an edge of one meets the other; neighbours may share their common
+//! corner or edge and nothing else. Pairs are found by sweeping boxes along one axis. O(F log F +
+//! pairs whose boxes overlap along it).
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -25,7 +27,8 @@ struct Flat {
 }
 
 impl Flat {
-    /// Along the largest component of the normal; the projection keeps collinear points collinear exactly.
+    /// Along the largest component of the normal; the projection keeps collinear points collinear
+    /// exactly.
     fn along(axis: usize, corners: [DVec3; 3]) -> Self {
         Self { corners: corners.map(|v| Self::point(axis, v)) }
     }
@@ -106,7 +109,8 @@ fn meet(s: [u32; 3], t: [u32; 3], positions: &[DVec3]) -> bool {
     }
 }
 
-/// Pairs of triangles that intersect, the first index below the second, ascending; at most `most` of them.
+/// Pairs of triangles that intersect, the first index below the second, ascending; at most `most`
+/// of them.
 pub fn self_intersections(triangles: &[[u32; 3]], positions: &[DVec3], most: usize) -> Vec<(u32, u32)> {
     let mut boxes: Vec<(DVec3, DVec3, u32)> = triangles
         .iter()

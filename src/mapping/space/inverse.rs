@@ -7,7 +7,8 @@ use super::composite::{CompositeMap, Mapped, matrix};
 use super::{Evaluation, Step};
 use crate::engine::Lanes;
 
-/// Iterations of Newton's method that all points of a step take together; those that need more go on alone.
+/// Iterations of Newton's method that all points of a step take together; those that need more go
+/// on alone.
 const TOGETHER: usize = 6;
 
 /// Iterations of a point alone.
@@ -20,11 +21,13 @@ const HALVINGS: usize = 24;
 const ROUNDINGS: f64 = 256.0;
 
 impl CompositeMap {
-    /// The points that are mapped to `points`, in double precision, with the forward derivatives there.
+    /// The points that are mapped to `points`, in double precision, with the forward derivatives
+    /// there.
     ///
-    /// Step by step from the last: the step between the same polyhedra backwards gives a start whose error is quadratic in the
-    /// displacement, damped Newton iterations with the analytic derivative finish. Inside the target of a map that does not fold there is
-    /// exactly one pre-image. `None` where none is found, as can happen outside it or where the map folds.
+    /// Step by step from the last: the step between the same polyhedra backwards gives a start
+    /// whose error is quadratic in the displacement, damped Newton iterations with the analytic
+    /// derivative finish. Inside the target of a map that does not fold there is exactly one
+    /// pre-image. `None` where none is found, as can happen outside it or where the map folds.
     pub fn inverse(&self, points: &[DVec3]) -> Vec<Option<Mapped>> {
         let last = self.frame(self.step_count());
         let mut at: Vec<Option<[f64; 3]>> = points.iter().map(|&q| q.is_finite().then(|| last.local(q))).collect();

@@ -1,8 +1,9 @@
 //! The smallest Jacobian of a step, over samples of the inside and of the model.
 //!
-//! Three sets are looked at: the centres of the cells of a grid over the polyhedron, four points next to every face, and the
-//! vertices of the model. Nothing is claimed of what lies between. Samples are swept in single precision, on the device where there is one;
-//! the smallest are judged again in double precision, so that what is reported is the Jacobian there.
+//! Three sets are looked at: the centres of the cells of a grid over the polyhedron, four points
+//! next to every face, and the vertices of the model. Nothing is claimed of what lies between.
+//! Samples are swept in single precision, on the device where there is one; the smallest are judged
+//! again in double precision, so that what is reported is the Jacobian there.
 
 use glam::DVec3;
 
@@ -26,10 +27,12 @@ pub const PIECE: usize = 16;
 /// Cells along the longest side where nothing is said.
 pub const RESOLUTION: u32 = 24;
 
-/// How far inside samples of faces lie, in local units: about that part of the polyhedron's diameter.
+/// How far inside samples of faces lie, in local units: about that part of the polyhedron's
+/// diameter.
 const OFF_FACE: f64 = 1e-4;
 
-/// Barycentric coordinates, of the samples of a face: the middles of the four triangles its edges' middles cut it into.
+/// Barycentric coordinates, of the samples of a face: the middles of the four triangles its edges'
+/// middles cut it into.
 const ON_FACE: [[f64; 3]; 4] = [
     [1.0 / 3.0; 3],
     [2.0 / 3.0, 1.0 / 6.0, 1.0 / 6.0],
@@ -77,8 +80,8 @@ impl Minimum {
     }
 }
 
-/// The smallest Jacobian of the samples of a piece that lie inside, and which of them it is; twin of the struct in
-/// `shaders/jacobian_min_3d.wgsl`.
+/// The smallest Jacobian of the samples of a piece that lie inside, and which of them it is; twin
+/// of the struct in `shaders/jacobian_min_3d.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct PieceMinimum3d {
@@ -96,7 +99,8 @@ pub struct Samples {
 }
 
 impl Samples {
-    /// `resolution` cells along the longest side of the bounding box, and four points of every face, moved 1e-4 of the polyhedron's diameter to the inside.
+    /// `resolution` cells along the longest side of the bounding box, and four points of every
+    /// face, moved 1e-4 of the polyhedron's diameter to the inside.
     ///
     /// # Errors
     /// [`Error::Option`] if the resolution is 0 or over [`MOST_RESOLUTION`].
@@ -132,7 +136,8 @@ impl Samples {
     }
 }
 
-/// The centres of the cells over the whole bounding box, in local coordinates; whether they lie inside the evaluation tells.
+/// The centres of the cells over the whole bounding box, in local coordinates; whether they lie
+/// inside the evaluation tells.
 fn grid(step: &Step<f64>, resolution: u32) -> Vec<[f32; 3]> {
     let vertices: Vec<DVec3> = step.vertices.iter().map(|&v| DVec3::from(v)).collect();
     let (low, high) = super::frame::bounds(&vertices);
@@ -156,11 +161,12 @@ fn grid(step: &Step<f64>, resolution: u32) -> Vec<[f32; 3]> {
     all
 }
 
-/// The smallest Jacobian of `step` at those of the `samples` and of the vertices of the `model`, all in local coordinates, that lie in
-/// its polyhedron; `frame` is its frame. O(faces) per sample.
+/// The smallest Jacobian of `step` at those of the `samples` and of the vertices of the `model`,
+/// all in local coordinates, that lie in its polyhedron; `frame` is its frame. O(faces) per sample.
 ///
-/// The same input gives the same result for any number of threads; ties go to the lowest index, samples before the model. A value that is
-/// not finite counts as a fold and is given as negative infinity. Infinity where no sample lies inside.
+/// The same input gives the same result for any number of threads; ties go to the lowest index,
+/// samples before the model. A value that is not finite counts as a fold and is given as negative
+/// infinity. Infinity where no sample lies inside.
 ///
 /// # Errors
 /// [`Error::Device`] and [`Error::Memory`] of the device.
@@ -200,7 +206,8 @@ pub fn jacobian_min_3d(
     Ok(best)
 }
 
-/// The smallest Jacobian inside of every [`PIECE`] points, where `engine` works. What the kernel cannot do the CPU does.
+/// The smallest Jacobian inside of every [`PIECE`] points, where `engine` works. What the kernel
+/// cannot do the CPU does.
 ///
 /// # Errors
 /// [`Error::Device`] and [`Error::Memory`] of the device.
@@ -215,7 +222,8 @@ pub fn piece_minima(engine: &Engine, step: &Step<f64>, points: &[[f32; 3]]) -> R
     Ok(piece_minima_on_cpu(Lanes::detect(), &step.cast(), points))
 }
 
-/// The smallest Jacobian inside of every [`PIECE`] points in single precision: the reference of the kernel.
+/// The smallest Jacobian inside of every [`PIECE`] points in single precision: the reference of the
+/// kernel.
 pub fn piece_minima_on_cpu(lanes: Lanes, step: &Step<f32>, points: &[[f32; 3]]) -> Vec<PieceMinimum3d> {
     pieces_of(&step.evaluate_all(lanes, points))
 }

@@ -4,9 +4,11 @@ use super::{Step, gpu};
 use crate::engine::{Backend, Engine, Lanes};
 use crate::error::Result;
 
-/// Takes `points` through all `steps` in turn, in place: local coordinates of the first polyhedron before, of the last one after.
+/// Takes `points` through all `steps` in turn, in place: local coordinates of the first polyhedron
+/// before, of the last one after.
 ///
-/// Time O(faces) per point and step. On a device the steps ping-pong between two buffers; on the CPU on SIMD lanes in parallel; the back end `reference` works in double precision between the
+/// Time O(faces) per point and step. On a device the steps ping-pong between two buffers; on the
+/// CPU on SIMD lanes in parallel; the back end `reference` works in double precision between the
 /// points it is given and those it returns.
 ///
 /// # Errors

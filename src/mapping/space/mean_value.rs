@@ -1,43 +1,52 @@
-//! Mean value coordinates of a closed triangle mesh that stay exact on faces, edges and corners (Ju, Schaefer, Warren 2005).
+//! Mean value coordinates of a closed triangle mesh that stay exact on faces, edges and corners
+//! (Ju, Schaefer, Warren 2005).
 //!
-//! A point x sees the cage on the unit sphere around it; the mean value interpolant of data U on the cage is the mean of U / r over
-//! that sphere, divided by the mean of 1 / r. Over a face whose plane has the signed distance h (positive inside), with r the
-//! distance of x to a point of it, that is
+//! A point x sees the cage on the unit sphere around it; the mean value interpolant of data U on
+//! the cage is the mean of U / r over that sphere, divided by the mean of 1 / r. Over a face whose
+//! plane has the signed distance h (positive inside), with r the distance of x to a point of it,
+//! that is
 //!
 //! - weight `Q = h ∫ dA / r^4`, moment `∫ U h dA / r^4 = Q U(q) + (h / 2) Σ_j E_j ∂U/∂m_j`
 //!
-//! where q is the foot of x in the plane, U(q) the value there of the linear function that U is on the face, m_j the normal of
-//! edge j in the plane, to the inside, and `E_j = ∫ ds / r^2 = θ_j / β_j` with the angle θ_j under which x sees the edge and the
-//! distance β_j to its line. No vertex has to be summed by itself: faces contribute one after the other, and what divides by the
+//! where q is the foot of x in the plane, U(q) the value there of the linear function that U is on
+//! the face, m_j the normal of edge j in the plane, to the inside, and `E_j = ∫ ds / r^2 = θ_j /
+//! β_j` with the angle θ_j under which x sees the edge and the distance β_j to its line. No vertex
+//! has to be summed by itself: faces contribute one after the other, and what divides by the
 //! determinant of the corners elsewhere has no determinant here.
 //!
-//! `S = h Q` as Ju et al. have it, half the sum of θ_j b_j / β_j with b_j the signed distance of q to the edges, cancels to h^2
-//! wherever x comes near the plane of *any* face: in single precision a cage of some hundred faces spoils it everywhere. Green's
-//! theorem with the antiderivative that vanishes far away has the cancellation done:
+//! `S = h Q` as Ju et al. have it, half the sum of θ_j b_j / β_j with b_j the signed distance of q
+//! to the edges, cancels to h^2 wherever x comes near the plane of *any* face: in single precision
+//! a cage of some hundred faces spoils it everywhere. Green's theorem with the antiderivative that
+//! vanishes far away has the cancellation done:
 //!
 //! - `Q / h = I_4 = π / h^2 [q in the face] - 1/2 Σ_j sign(b_j) K_j`
-//! - `K_j = φ_j / (β_j (β_j + |b_j|)) + |b_j| / β_j (φ_j - θ_j) / h^2`, with φ_j the angle under which q sees the edge,
-//! - `tan(φ_j - θ_j) = h^2 l (|b| β - t_1 t_2) / (β + |b|) / ((b^2 + t_1 t_2)(β^2 + t_1 t_2) + |b| β l^2)`
+//! - `K_j = φ_j / (β_j (β_j + |b_j|)) + |b_j| / β_j (φ_j - θ_j) / h^2`, with φ_j the angle under
+//!   which q sees the edge,
+//! - `tan(φ_j - θ_j) = h^2 l (|b| β - t_1 t_2) / (β + |b|) / ((b^2 + t_1 t_2)(β^2 + t_1 t_2) + |b|
+//!   β l^2)`
 //!
-//! for an edge of length l whose ends lie at t_1 and t_2 along its line, from the foot of x. Derivatives by x are as short, with
-//! `E4_j = ∫ ds / r^4` and `F_j = ∫ t ds / r^4`:
+//! for an edge of length l whose ends lie at t_1 and t_2 along its line, from the foot of x.
+//! Derivatives by x are as short, with `E4_j = ∫ ds / r^4` and `F_j = ∫ t ds / r^4`:
 //!
 //! - `∇Q = n (I_4 + Σ b_j E4_j) + h Σ m_j E4_j`, `∇E_j = 2 E4_j (h n - b_j m_j) + 2 F_j e_j`.
 //!
-//! A point in the plane of a face is worked on as if it were [`ON_FACE`] roundings off it, and one right over a corner as if it were
-//! [`OVER_CORNER`] towards the middle: so far the map is that of the limit, linear on the face. Displacements are taken
-//! relative to that of the closest place of the cage, so that near it, where the weights grow without bound, only small numbers are
-//! multiplied by large ones. The same form holds outside. Turning all faces over changes the signs of all weights and no quotient.
+//! A point in the plane of a face is worked on as if it were [`ON_FACE`] roundings off it, and one
+//! right over a corner as if it were [`OVER_CORNER`] towards the middle: so far the map is that of
+//! the limit, linear on the face. Displacements are taken relative to that of the closest place of
+//! the cage, so that near it, where the weights grow without bound, only small numbers are
+//! multiplied by large ones. The same form holds outside. Turning all faces over changes the signs
+//! of all weights and no quotient.
 //!
-//! All of it is written once, over [`Lane`]: its instance on `f64` is the reference, the one on `f32` mirrors the kernels, the
-//! others are the fast path of the CPU. O(faces) per point.
+//! All of it is written once, over [`Lane`]: its instance on `f64` is the reference, the one on
+//! `f32` mirrors the kernels, the others are the fast path of the CPU. O(faces) per point.
 
 use super::angle::angle;
 use super::face::Face;
 use crate::engine::{Lane, Real};
 
-/// Distance to a plane, in local units and roundings, that stands in for a smaller one on either side. Which side of a face it is on
-/// rounding decides below that, and next to an edge the two faces have to agree.
+/// Distance to a plane, in local units and roundings, that stands in for a smaller one on either
+/// side. Which side of a face it is on rounding decides below that, and next to an edge the two
+/// faces have to agree.
 pub(super) const ON_FACE: f64 = 4.0;
 
 /// Distance in the plane from a corner that stands in for none.
@@ -167,8 +176,8 @@ pub(super) fn nearest_vertex<L: Lane>(
     Closest { vertex: best, corner, edge: best, base: corner }
 }
 
-/// The closest place of all vertices, edges and faces. Where the foot lies in the closest face the base is, to the last digit, what
-/// the sums over the faces find there.
+/// The closest place of all vertices, edges and faces. Where the foot lies in the closest face the
+/// base is, to the last digit, what the sums over the faces find there.
 #[inline(always)]
 pub(super) fn closest<L: Lane>(
     cpu: L::Cpu,
@@ -246,7 +255,8 @@ pub(super) struct Edge<L> {
     tilt: L,
 }
 
-/// The edge with its ends at `t1` and `t2` along it and the foot `b` beside it, for h^2 and its inverse.
+/// The edge with its ends at `t1` and `t2` along it and the foot `b` beside it, for h^2 and its
+/// inverse.
 #[inline(always)]
 fn edge<L: Lane, const GRADIENT: bool>(cpu: L::Cpu, length: L, b: L, [h2, over]: [L; 2], t1: L, t2: L) -> Edge<L> {
     let (zero, half) = (L::num(cpu, 0.0), L::num(cpu, 0.5));
@@ -273,7 +283,8 @@ fn edge<L: Lane, const GRADIENT: bool>(cpu: L::Cpu, length: L, b: L, [h2, over]:
         let both = length / (r1 * r2);
         fourth = half * both.mul_add(beta2 - tau, e) * (inverse * inverse);
         tilt = half * both * (t1 + t2);
-        // On the edge's line beyond its ends terms of K and of E4 cancel; there the integrands are series in beta / t.
+        // On the edge's line beyond its ends terms of K and of E4 cancel; there the integrands are
+        // series in beta / t.
         let nearest = t1.abs().minimum(t2.abs());
         let bound = L::num(cpu, L::E::EPSILON.to_f64().sqrt().sqrt()) * (nearest * nearest);
         let one = L::num(cpu, 1.0);

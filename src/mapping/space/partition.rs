@@ -1,7 +1,8 @@
-//! Partitions: into which steps a map in space is cut so that none folds, as far as is sampled (paper, sections 3.1, 4.1, 4.4, 4.5).
+//! Partitions: into which steps a map in space is cut so that none folds, as far as is sampled
+//! (paper, sections 3.1, 4.1, 4.4, 4.5).
 //!
-//! Steps are settled from the first to the last, so that the vertices of the model are where the map has carried them when a step is tested:
-//! Listing 1 of the paper, depth first.
+//! Steps are settled from the first to the last, so that the vertices of the model are where the
+//! map has carried them when a step is tested: Listing 1 of the paper, depth first.
 
 use std::collections::BTreeMap;
 
@@ -93,12 +94,12 @@ impl Partition {
     }
 }
 
-/// Finds the steps of a map between the polyhedra of `cage` along `path`; `model` are points in the source whose images are tested in every
-/// step, next to the samples of the inside.
+/// Finds the steps of a map between the polyhedra of `cage` along `path`; `model` are points in the
+/// source whose images are tested in every step, next to the samples of the inside.
 ///
 /// # Errors
-/// [`Error::Option`] for options outside their ranges or too many steps, [`Error::Numeric`] where the path has no polyhedron, what the device
-/// returns.
+/// [`Error::Option`] for options outside their ranges or too many steps, [`Error::Numeric`] where
+/// the path has no polyhedron, what the device returns.
 pub fn partition(
     engine: &Engine,
     cage: &Cage,

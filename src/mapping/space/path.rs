@@ -1,7 +1,8 @@
 //! Vertex paths: how the source polyhedron becomes the target (paper, section 4.5).
 //!
-//! A path gives a polyhedron for every `t` in 0..1, the source at 0 and the target at 1. The straight one is here; others come
-//! from those who can make them (`tools` has one by mean-value encoding).
+//! A path gives a polyhedron for every `t` in 0..1, the source at 0 and the target at 1. The
+//! straight one is here; others come from those who can make them (`tools` has one by mean-value
+//! encoding).
 
 use glam::DVec3;
 
@@ -11,7 +12,8 @@ use super::Cage;
 
 /// A continuous path from a source polyhedron (t = 0) to a target (t = 1).
 pub trait VertexPath: Sync {
-    /// The positions of the vertices at `t` in 0..=1, exactly the ends at 0 and 1. The same for the same `t`, whatever was asked before.
+    /// The positions of the vertices at `t` in 0..=1, exactly the ends at 0 and 1. The same for the
+    /// same `t`, whatever was asked before.
     ///
     /// # Errors
     /// Where the path has no polyhedron at `t`; the message says why.

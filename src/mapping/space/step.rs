@@ -12,12 +12,12 @@ use crate::error::{Error, Result};
 /// Points of one task.
 const CHUNK: usize = 512;
 
-/// Faces whose terms are added up by themselves before they are added to the rest: every term costs single precision a rounding of
-/// what the sum has grown to so far.
+/// Faces whose terms are added up by themselves before they are added to the rest: every term costs
+/// single precision a rounding of what the sum has grown to so far.
 const BLOCK: usize = 32;
 
-/// On edges derivatives depend on the direction. Within so many roundings of one the derivative given is that a little farther inside: by
-/// the square root of a rounding, in local units.
+/// On edges derivatives depend on the direction. Within so many roundings of one the derivative
+/// given is that a little farther inside: by the square root of a rounding, in local units.
 const ON_EDGE: f64 = 16.0;
 
 /// The map of a step at a point.
@@ -29,7 +29,8 @@ pub struct Evaluation<R> {
     pub derivative: [[R; 3]; 3],
     /// Its determinant.
     pub jacobian: R,
-    /// Whether `p` lies in the polyhedron, faces included: the sum of the weights is positive there and negative outside.
+    /// Whether `p` lies in the polyhedron, faces included: the sum of the weights is positive there
+    /// and negative outside.
     pub inside: bool,
 }
 
@@ -45,8 +46,8 @@ pub struct Step<R> {
 }
 
 impl Step<f64> {
-    /// The step from `from` to `to`, whose frames have the scale `scale`; `triangles` are oriented outwards. Faces without an area do not
-    /// count.
+    /// The step from `from` to `to`, whose frames have the scale `scale`; `triangles` are oriented
+    /// outwards. Faces without an area do not count.
     pub fn new(triangles: &[[u32; 3]], from: &[DVec3], to: &[DVec3], scale: f64) -> Self {
         let (here, there) = (Frame::of(from, scale), Frame::of(to, scale));
         let local: Vec<DVec3> = from.iter().map(|&p| DVec3::from(here.local::<f64>(p))).collect();
@@ -157,8 +158,8 @@ impl<R: LaneScalar + Lane<Cpu = (), E = R>> Step<R> {
         std::array::from_fn(|k| p[k] + image.moved[k])
     }
 
-    /// Image, derivative and Jacobian at `p`. On an edge or at a vertex, where the derivative depends on the direction, it is that a hair's
-    /// breadth inside along the mean of the normals.
+    /// Image, derivative and Jacobian at `p`. On an edge or at a vertex, where the derivative
+    /// depends on the direction, it is that a hair's breadth inside along the mean of the normals.
     pub fn evaluate(&self, p: [R; 3]) -> Evaluation<R> {
         let mut found = image::<R, true>((), self, p);
         if found.edge < on_edge::<R>() {
@@ -260,8 +261,8 @@ impl<E: LaneScalar + Lane<Cpu = (), E = E>> Step<E> {
         });
     }
 
-    /// Whether each of `points` lies in the polyhedron the step starts from, faces included: the sum of the weights is positive there and
-    /// negative outside.
+    /// Whether each of `points` lies in the polyhedron the step starts from, faces included: the
+    /// sum of the weights is positive there and negative outside.
     pub fn inside_all(&self, lanes: Lanes, points: &[[E; 3]]) -> Vec<bool> {
         let inside = |points: &[[E; 3]]| {
             let mut columns = columns(points);
@@ -317,10 +318,11 @@ fn columns<E: Real>(points: &[[E; 3]]) -> [Vec<E>; 3] {
     std::array::from_fn(|k| (0..whole).map(|i| points[i.min(points.len() - 1)][k]).collect())
 }
 
-/// The mean value coordinates of `p` in a closed polyhedron, in the order of its vertices; they sum to 1. O(faces).
+/// The mean value coordinates of `p` in a closed polyhedron, in the order of its vertices; they sum
+/// to 1. O(faces).
 ///
-/// Exact on faces (three are not zero), edges (two) and at vertices (one). Defined in all of space; some may be negative inside polyhedra
-/// that are not convex, and outside.
+/// Exact on faces (three are not zero), edges (two) and at vertices (one). Defined in all of space;
+/// some may be negative inside polyhedra that are not convex, and outside.
 ///
 /// # Errors
 /// [`Error::Input`] if no triangle has an area, or the point is not finite.

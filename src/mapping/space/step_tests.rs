@@ -1,4 +1,5 @@
-//! What makes coordinates barycentric, and derivatives derivatives: inside, outside, and on and next to every part of the cage.
+//! What makes coordinates barycentric, and derivatives derivatives: inside, outside, and on and
+//! next to every part of the cage.
 
 use glam::DVec3;
 
@@ -19,7 +20,8 @@ fn local(p: DVec3) -> [f64; 3] {
 /// A name, triangles and vertices.
 type Case = (&'static str, Vec<[u32; 3]>, Vec<DVec3>);
 
-/// The cages of the tests: already in local coordinates, so that a step with the scale 1 changes nothing.
+/// The cages of the tests: already in local coordinates, so that a step with the scale 1 changes
+/// nothing.
 fn cages() -> Vec<Case> {
     let all = [("cube", cube()), ("box", box_cage(3)), ("dented", dented()), ("sphere", sphere())];
     all.into_iter().map(|(name, (triangles, vertices))| (name, triangles, vertices)).collect()
@@ -191,7 +193,8 @@ fn difference<E: LaneScalar + Lane<Cpu = (), E = E>>(lanes: Lanes) -> (f64, f64)
                 assert!(off < 1e-5, "{name}, {place} at {p}: {off:e}");
                 map = map.max(off);
             }
-            // Within single precision's idea of an edge derivatives are one-sided on a side of rounding's choice.
+            // Within single precision's idea of an edge derivatives are one-sided on a side of
+            // rounding's choice.
             if to_edges(&triangles, &vertices, *p) > 1e-3 {
                 let off = (double(e.jacobian) - truth.jacobian).abs();
                 jacobian = jacobian.max(off);

@@ -41,7 +41,8 @@ pub(super) fn box_cage(n: usize) -> Shape {
     (triangles, vertices)
 }
 
-/// A cube with one side pushed in, and oblique: no face lies along an axis, and some edges are concave.
+/// A cube with one side pushed in, and oblique: no face lies along an axis, and some edges are
+/// concave.
 pub(super) fn dented() -> Shape {
     let (triangles, vertices) = box_cage(2);
     let turn = glam::DMat3::from_euler(glam::EulerRot::XYZ, 0.4, 0.7, -0.3);
@@ -61,7 +62,8 @@ pub(super) fn sphere() -> Shape {
     (mesh.triangles(), mesh.positions.iter().map(|&p| p - centre).collect())
 }
 
-/// Places inside and outside, on faces, edges, vertices, 1e-6 off them, over corners, and on the planes and lines of faces and edges.
+/// Places inside and outside, on faces, edges, vertices, 1e-6 off them, over corners, and on the
+/// planes and lines of faces and edges.
 pub(super) fn places(triangles: &[[u32; 3]], vertices: &[DVec3]) -> Vec<(String, DVec3)> {
     let mut all = Vec::new();
     let mut random = crate::models::shapes::Random::new(3);

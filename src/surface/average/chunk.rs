@@ -19,10 +19,12 @@ impl<E: LaneScalar, const D: usize> AveragedChunk<E, D> {
         Self { input: Vec::new(), mean: Vec::new(), lists: 0 }
     }
 
-    /// Solves the inverse problem for each point of `surface` and averages each list of `anchors.images`.
+    /// Solves the inverse problem for each point of `surface` and averages each list of
+    /// `anchors.images`.
     ///
-    /// Works on the calling thread: call it inside each rayon task, on some hundreds of points (whole multiples of [`TILE`] waste no lanes). Points whose face
-    /// does not exist get averages that mean nothing.
+    /// Works on the calling thread: call it inside each rayon task, on some hundreds of points
+    /// (whole multiples of [`TILE`] waste no lanes). Points whose face does not exist get averages
+    /// that mean nothing.
     pub fn compute(
         &mut self,
         lanes: Lanes,

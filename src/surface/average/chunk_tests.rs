@@ -1,4 +1,5 @@
-//! Surface points through frames and sweep against the scalar path, on a lobed sphere bent into R^8.
+//! Surface points through frames and sweep against the scalar path, on a lobed sphere bent into
+//! R^8.
 
 use super::tests::{CONDITION, TERMS, distance};
 use super::*;
@@ -53,7 +54,8 @@ fn frame_errors<E: LaneScalar>(surface: &PhongSurface<f64, 8>, points: &[PackedP
     worst
 }
 
-/// A point is a sum of three products and a basis vector comes from some dozens, in coordinates of up to 30 edges.
+/// A point is a sum of three products and a basis vector comes from some dozens, in coordinates of
+/// up to 30 edges.
 const POINT_TOLERANCE: f64 = 4.0 * 30.0;
 /// Psi's rows have length 0.9 or more here, at angles that orthonormalising hardly amplifies.
 const BASIS_TOLERANCE: f64 = 64.0;

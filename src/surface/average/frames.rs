@@ -1,14 +1,17 @@
-//! Query points for the sweep: from surface points to embedded points and orthonormal bases of their planes.
+//! Query points for the sweep: from surface points to embedded points and orthonormal bases of
+//! their planes.
 
 use super::orthonormalise;
 use crate::engine::lane::MAX_LANES;
 use crate::engine::{Lane, LaneScalar, Lanes, Real, Sweep, TILE};
 use crate::surface::{PackedPoint, PhongSurface};
 
-/// Fills tiles for [`super::average_tiles`]: y and the orthonormalised Psi of every point, 3 D rows of [`TILE`] numbers per tile.
+/// Fills tiles for [`super::average_tiles`]: y and the orthonormalised Psi of every point, 3 D rows
+/// of [`TILE`] numbers per tile.
 ///
-/// `input` is resized to whole tiles, with zeros behind the last point. A point whose face is not one of the surface becomes the
-/// origin with some orthonormal basis. The same as `orthonormalise(triangle.psi(x))` up to rounding: Psi is evaluated point by point (its gathers
+/// `input` is resized to whole tiles, with zeros behind the last point. A point whose face is not
+/// one of the surface becomes the origin with some orthonormal basis. The same as
+/// `orthonormalise(triangle.psi(x))` up to rounding: Psi is evaluated point by point (its gathers
 /// would not profit from lanes), the basis then in lanes. Time O(D) per point.
 pub fn frame_tiles<E: LaneScalar, const D: usize>(
     lanes: Lanes,
@@ -30,7 +33,8 @@ struct FrameTiles<'a, E, const D: usize> {
 impl<E: LaneScalar, const D: usize> Sweep<E> for FrameTiles<'_, E, D> {
     #[inline(always)]
     fn run<L: Lane<E = E>>(self, cpu: L::Cpu) {
-        // Point by point first: the compiler vectorises along the D components only where they are stored together.
+        // Point by point first: the compiler vectorises along the D components only where they are
+        // stored together.
         let mut rows = vec![[[E::ZERO; D]; 3]; TILE];
         for (points, tile) in self.points.chunks(TILE).zip(self.input.chunks_exact_mut(3 * D * TILE)) {
             for (point, row) in points.iter().zip(&mut rows) {
@@ -58,7 +62,8 @@ impl<E: LaneScalar, const D: usize> Sweep<E> for FrameTiles<'_, E, D> {
     }
 }
 
-/// [`orthonormalise`] on the two rows of a group of points; of the tile's points, only the first `count` are real.
+/// [`orthonormalise`] on the two rows of a group of points; of the tile's points, only the first
+/// `count` are real.
 #[inline(always)]
 fn make_orthonormal<L: Lane, const D: usize>(cpu: L::Cpu, psi: &mut [L::E], at: usize, count: usize) {
     let zero = L::num(cpu, 0.0);
@@ -90,7 +95,8 @@ fn make_orthonormal<L: Lane, const D: usize>(cpu: L::Cpu, psi: &mut [L::E], at: 
     }
     let inverse = one / rest.sqrt();
 
-    // Planes that two nearly parallel rows leave undetermined, or vanishing rows, are rare: one by one.
+    // Planes that two nearly parallel rows leave undetermined, or vanishing rows, are rare: one by
+    // one.
     let tiny = L::splat(cpu, L::E::ONE / L::E::HUGE);
     let sound = (L::num(cpu, 1e-6) * s1).maximum(tiny).lt(rest);
     let mut flags = [L::E::ZERO; MAX_LANES];

@@ -1,21 +1,24 @@
-//! Inverse problem and average with nothing stored per anchor: the reference of the kernel `average_anchors`.
+//! Inverse problem and average with nothing stored per anchor: the reference of the kernel
+//! `average_anchors`.
 
 use super::solve::{Moments, Multipliers, Offset};
 use crate::engine::Real;
 
-/// Smallest D, in units of the scale, of an anchor that is not the nearest: below, q = (scale / D)^2 would
-/// overflow f32. An anchor this near to the query point (1e-6 of the scale's length) has a nearer one beside it.
+/// Smallest D, in units of the scale, of an anchor that is not the nearest: below, q = (scale /
+/// D)^2 would overflow f32. An anchor this near to the query point (1e-6 of the scale's length) has
+/// a nearer one beside it.
 const FLOOR: f64 = 1e-12;
 
-/// The weights of eq. 13 at a point, in closed form: w_j = q_j (K_j . mu + t) with q_j = (scale / D_j)^2 and K_j = p_j - p_k, and
-/// for the nearest anchor k what is left of 1.
+/// The weights of eq. 13 at a point, in closed form: w_j = q_j (K_j . mu + t) with q_j = (scale /
+/// D_j)^2 and K_j = p_j - p_k, and for the nearest anchor k what is left of 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FusedWeights<'a, S, const D: usize> {
     y: &'a [S; D],
     basis: &'a [[S; D]; 2],
     own: &'a [[S; D]],
     scale: S,
-    /// The anchor with the smallest D (the lowest index of equal ones): a decision, comparable between back ends.
+    /// The anchor with the smallest D (the lowest index of equal ones): a decision, comparable
+    /// between back ends.
     pub nearest: u32,
     /// Whether the anchors span the plane: the other decision (see [`super::weights`]).
     pub regular: bool,
@@ -29,14 +32,16 @@ pub struct FusedWeights<'a, S, const D: usize> {
 impl<'a, S: Real, const D: usize> FusedWeights<'a, S, D> {
     /// Solves the inverse problem at `y` in one pass over the anchors `own`.
     ///
-    /// As [`super::weights`], except that neither the nearest anchor nor the second D is known during the pass: the best
-    /// candidate so far is held back and is the origin of K. The loser of each comparison is pushed into the sums, with
-    /// q = (scale / D)^2, and where the newcomer wins, the sums are first shifted to it. No shift ends near an anchor that was
-    /// pushed before with a much larger K: that anchor would have been the candidate. So also where anchors nearly coincide,
-    /// nothing is lost that matters.
+    /// As [`super::weights`], except that neither the nearest anchor nor the second D is known
+    /// during the pass: the best candidate so far is held back and is the origin of K. The loser of
+    /// each comparison is pushed into the sums, with q = (scale / D)^2, and where the newcomer
+    /// wins, the sums are first shifted to it. No shift ends near an anchor that was pushed before
+    /// with a much larger K: that anchor would have been the candidate. So also where anchors
+    /// nearly coincide, nothing is lost that matters.
     ///
-    /// `scale` is a squared length of the order of D near an anchor; 16 times the squared mean edge length serves. It cancels in exact arithmetic and only
-    /// keeps the sums in range. On an anchor its weight is exactly 1 and all others are 0. Time O(n D).
+    /// `scale` is a squared length of the order of D near an anchor; 16 times the squared mean edge
+    /// length serves. It cancels in exact arithmetic and only keeps the sums in range. On an anchor
+    /// its weight is exactly 1 and all others are 0. Time O(n D).
     pub fn solve(y: &'a [S; D], basis: &'a [[S; D]; 2], own: &'a [[S; D]], scale: S) -> Self {
         let mut best = Offset { d: S::HUGE, p: [S::ZERO; 2] };
         let mut nearest = 0;
@@ -72,9 +77,10 @@ impl<'a, S: Real, const D: usize> FusedWeights<'a, S, D> {
         weight_factor(d, self.scale) * ((p[0] - self.p[0]) * self.mu[0] + (p[1] - self.p[1]) * self.mu[1] + self.t)
     }
 
-    /// sum w_j image_j, in a second pass that computes each weight anew; `image` is as long as the list of anchors. Sums of
-    /// q image and q K image in the first pass would save it, but they are larger than what is left of them: in single precision
-    /// their average has four times the error. On an anchor this is `image[k]`, bit for bit. No anchors give zeros. Time O(n D).
+    /// sum w_j image_j, in a second pass that computes each weight anew; `image` is as long as the
+    /// list of anchors. Sums of q image and q K image in the first pass would save it, but they are
+    /// larger than what is left of them: in single precision their average has four times the
+    /// error. On an anchor this is `image[k]`, bit for bit. No anchors give zeros. Time O(n D).
     pub fn average(&self, image: &[[S; D]]) -> [S; D] {
         let mut mean = [S::ZERO; D];
         for (j, image) in image.iter().enumerate() {

@@ -27,7 +27,8 @@ impl<S: Real> Offset<S> {
     }
 }
 
-/// Sums over the anchors other than the nearest, k, of q = (scale / D_j)^2 times powers of some vector per anchor.
+/// Sums over the anchors other than the nearest, k, of q = (scale / D_j)^2 times powers of some
+/// vector per anchor.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Moments<S> {
     /// Sum of q.
@@ -81,17 +82,19 @@ pub(super) struct Multipliers<S> {
 }
 
 impl<S: Real> Multipliers<S> {
-    /// Solves eq. 13 with the nearest anchor eliminated: minimise sum w_j^2 / q_j + a (1 - sum w_j)^2 subject to
-    /// sum w_j K_j = -p_k. With rho = a / (1 + a S0) (Sherman-Morrison on the last term),
+    /// Solves eq. 13 with the nearest anchor eliminated: minimise sum w_j^2 / q_j + a (1 - sum
+    /// w_j)^2 subject to sum w_j K_j = -p_k. With rho = a / (1 + a S0) (Sherman-Morrison on the
+    /// last term),
     ///
     /// (S2 - rho S1 S1^T) mu = -p_k - rho S1,   t = rho (1 - S1 . mu).
     ///
-    /// `moments` are those of K, `size` what they were added up from ([`Moments::size`], before any shift);
-    /// `a` = (D_k / scale)^2 with the scale of q; `p` = p_k.
+    /// `moments` are those of K, `size` what they were added up from ([`Moments::size`], before any
+    /// shift); `a` = (D_k / scale)^2 with the scale of q; `p` = p_k.
     ///
-    /// The matrix is divided by its trace: its determinant is then about the ratio of its eigenvalues, whatever
-    /// the scale, and a matrix of rank one is its own pseudo-inverse. That is what is used where the smaller eigenvalue is within
-    /// [`rank_limit`] of zero (collinear anchors, fewer than three, or none that matter apart from a few at one place).
+    /// The matrix is divided by its trace: its determinant is then about the ratio of its
+    /// eigenvalues, whatever the scale, and a matrix of rank one is its own pseudo-inverse. That is
+    /// what is used where the smaller eigenvalue is within [`rank_limit`] of zero (collinear
+    /// anchors, fewer than three, or none that matter apart from a few at one place).
     #[inline(always)]
     pub(super) fn solve(moments: &Moments<S>, size: S, a: S, p: [S; 2]) -> Self {
         let Moments { s0, s1, s2 } = *moments;
@@ -120,8 +123,9 @@ impl<S: Real> Multipliers<S> {
     }
 }
 
-/// Eigenvalue that rounding alone may leave in place of zero, relative to the sums the matrix was made from: each of
-/// n <= 1000 terms carries a few half-epsilons, errors adding up like the square root of n.
+/// Eigenvalue that rounding alone may leave in place of zero, relative to the sums the matrix was
+/// made from: each of n <= 1000 terms carries a few half-epsilons, errors adding up like the square
+/// root of n.
 #[inline(always)]
 pub(super) fn rank_limit<S: Real>() -> S {
     S::of(32.0) * S::EPSILON

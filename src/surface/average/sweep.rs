@@ -1,7 +1,8 @@
 //! Inverse problem and average on SIMD lanes: the fast path of the CPU back end.
 //!
-//! The weights are those of [`super::weights`]. Unlike the form of the kernel, three numbers are kept per anchor and lane: no
-//! offset is computed twice, and nothing is lost in a shift of the moments.
+//! The weights are those of [`super::weights`]. Unlike the form of the kernel, three numbers are
+//! kept per anchor and lane: no offset is computed twice, and nothing is lost in a shift of the
+//! moments.
 
 use super::GAMMA;
 use super::solve::rank_limit;
@@ -11,7 +12,8 @@ use crate::engine::{Lane, LaneScalar, Lanes, Real, Sweep, TILE};
 /// What a sweep reads about the anchors.
 #[derive(Clone, Copy, Debug)]
 pub struct SweepAnchors<'a, E, const D: usize> {
-    /// The anchors in the embedding of the surface that the query points lie on; at least one, at most 2^24.
+    /// The anchors in the embedding of the surface that the query points lie on; at least one, at
+    /// most 2^24.
     pub own: &'a [[E; D]],
     /// What is averaged: one list per result, each as long as `own`.
     pub images: &'a [&'a [[E; D]]],
@@ -21,11 +23,12 @@ pub struct SweepAnchors<'a, E, const D: usize> {
 
 /// Averages whole tiles of query points on the calling thread; call it inside each rayon task.
 ///
-/// A tile holds [`TILE`] points component by component. `input`: 3 D rows of [`TILE`] numbers per tile (y, then the two rows of
-/// an orthonormal basis). `mean`: D rows per list of `anchors.images` per tile, list after list. Points that only fill up a tile may be anything finite, zeros too.
+/// A tile holds [`TILE`] points component by component. `input`: 3 D rows of [`TILE`] numbers per
+/// tile (y, then the two rows of an orthonormal basis). `mean`: D rows per list of `anchors.images`
+/// per tile, list after list. Points that only fill up a tile may be anything finite, zeros too.
 ///
-/// Exact on anchors, finite for any finite input in range, any number of anchors from 1 up. Time O(n D) per point; memory
-/// 3 n numbers per lane.
+/// Exact on anchors, finite for any finite input in range, any number of anchors from 1 up. Time
+/// O(n D) per point; memory 3 n numbers per lane.
 ///
 /// # Panics
 /// If the slices do not hold the same number of whole tiles.
@@ -113,7 +116,8 @@ struct Nearest<L> {
     second: L,
 }
 
-/// First pass: D and p of every anchor into `scratch` (three rows of lanes per anchor), and the two smallest D.
+/// First pass: D and p of every anchor into `scratch` (three rows of lanes per anchor), and the two
+/// smallest D.
 #[inline(always)]
 fn look<L: Lane, const D: usize>(
     cpu: L::Cpu,
@@ -175,7 +179,8 @@ struct Multipliers<L> {
     base: L,
 }
 
-/// Second pass: q in place of D, the moments, and the 2x2 system (see [`super::solve::Multipliers::solve`]).
+/// Second pass: q in place of D, the moments, and the 2x2 system (see
+/// [`super::solve::Multipliers::solve`]).
 #[inline(always)]
 fn balance<L: Lane>(cpu: L::Cpu, near: &Nearest<L>, scratch: &mut [L::E]) -> Multipliers<L> {
     let zero = L::num(cpu, 0.0);
@@ -216,8 +221,8 @@ fn balance<L: Lane>(cpu: L::Cpu, near: &Nearest<L>, scratch: &mut [L::E]) -> Mul
     Multipliers { mu, base: t - near.p[0] * mu[0] - near.p[1] * mu[1] }
 }
 
-/// Third pass: the weights, kept in place of q, and the average of the first list added to `mean`. Returns the sum of the
-/// weights of the anchors other than the nearest.
+/// Third pass: the weights, kept in place of q, and the average of the first list added to `mean`.
+/// Returns the sum of the weights of the anchors other than the nearest.
 #[inline(always)]
 fn weigh<L: Lane, const D: usize>(
     cpu: L::Cpu,

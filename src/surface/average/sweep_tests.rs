@@ -10,7 +10,8 @@ struct Swept<const D: usize> {
     own: Vec<[f64; D]>,
 }
 
-/// Both images of every query, padded with zeros to whole tiles, and the first image alone, which must be the same.
+/// Both images of every query, padded with zeros to whole tiles, and the first image alone, which
+/// must be the same.
 fn sweep<E: LaneScalar, const D: usize>(
     lanes: Lanes,
     table: &AnchorTable<f64, D>,
@@ -105,7 +106,8 @@ fn lanes_hold_near_anchors_and_at_any_scale() {
     }
 }
 
-/// Errors of f32 lanes against f64, in units of the images' size: notes of the prototype's measurements, doubled.
+/// Errors of f32 lanes against f64, in units of the images' size: notes of the prototype's
+/// measurements, doubled.
 const F32_MEDIAN: f64 = 2e-7;
 const F32_MOST: f64 = 1e-6;
 const F32_WORST: f64 = 4e-6;

@@ -1,5 +1,5 @@
-//! Theory of the inverse problem, asserted on the scalar code. All scenes are random anchors and query points on a
-//! wavy surface in R^D of size about 1, multiplied by a scale.
+//! Theory of the inverse problem, asserted on the scalar code. All scenes are random anchors and
+//! query points on a wavy surface in R^D of size about 1, multiplied by a scale.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -43,7 +43,8 @@ pub(super) struct Scene<const D: usize> {
 pub(super) const EDGE: f64 = 0.05;
 
 impl<const D: usize> Scene<D> {
-    /// `n` anchors and queries at random, rounded to f32 so that both precisions see the same input.
+    /// `n` anchors and queries at random, rounded to f32 so that both precisions see the same
+    /// input.
     pub(super) fn new(n: usize, queries: usize, scale: f64, seed: u64) -> Self {
         let mut random = Random(seed);
         let round = |v: [f64; D]| v.map(|x| f64::from(x as f32));
@@ -109,9 +110,11 @@ pub(super) fn distance<const D: usize>(a: &[f64; D], b: &[f64; D]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
 }
 
-/// Largest condition of the 2x2 system met in these scenes; errors of the weights are this many times those of its entries.
+/// Largest condition of the 2x2 system met in these scenes; errors of the weights are this many
+/// times those of its entries.
 pub(super) const CONDITION: f64 = 32.0;
-/// Relative error of the system's entries in units of epsilon: a dot product of D <= 16 terms on each of three levels, sums over n <= 93.
+/// Relative error of the system's entries in units of epsilon: a dot product of D <= 16 terms on
+/// each of three levels, sums over n <= 93.
 pub(super) const TERMS: f64 = 16.0 * 3.0 + 93.0;
 
 /// Bound on |basis (y - sum w own)|, given the sum of |w| |own - y|.
@@ -127,7 +130,8 @@ fn check_theory<S: Real, const D: usize>(scene: &Scene<D>) {
         let mass: f64 = w.iter().map(|w| w.abs()).sum();
         let sum: f64 = w.iter().sum();
         assert!((sum - 1.0).abs() <= TERMS * S::EPSILON.to_f64() * mass, "sum of weights {sum}");
-        // From offsets: y - sum w own would carry rounding errors of the size of y, not of the offsets.
+        // From offsets: y - sum w own would carry rounding errors of the size of y, not of the
+        // offsets.
         let offsets: Vec<[f64; D]> = scene.table.own.iter().map(|own| std::array::from_fn(|k| own[k] - y[k])).collect();
         let rest = average_of(&w, &offsets);
         let spread: f64 = w.iter().zip(&scene.table.own).map(|(w, own)| w.abs() * distance(own, y)).sum();
@@ -183,7 +187,8 @@ fn an_anchor_is_interpolated_exactly() {
     check_anchors::<f32>();
 }
 
-/// Eq. 13 as printed, solved with the pseudo-inverse: w = D^-1 (C D^-1)^+ c, C = [Psi (y_i - y); 1].
+/// Eq. 13 as printed, solved with the pseudo-inverse: w = D^-1 (C D^-1)^+ c, C = [Psi (y_i - y);
+/// 1].
 fn textbook(y: &[f64; 8], basis: &[[f64; 8]; 2], own: &[[f64; 8]]) -> DVector<f64> {
     let n = own.len();
     let offset = |j: usize| -> [f64; 8] { std::array::from_fn(|k| own[j][k] - y[k]) };
@@ -197,7 +202,8 @@ fn textbook(y: &[f64; 8], basis: &[[f64; 8]; 2], own: &[[f64; 8]]) -> DVector<f6
     (inverse * DVector::from_vec(vec![0.0, 0.0, 1.0])).component_div(&d)
 }
 
-/// Agreement of the elimination with eq. 13 typed literally: the 3x3 form loses about condition^2 epsilon.
+/// Agreement of the elimination with eq. 13 typed literally: the 3x3 form loses about condition^2
+/// epsilon.
 const TEXTBOOK_TOLERANCE: f64 = 1e-9;
 
 fn agrees_with_textbook(scene: &Scene<8>, w: &[f64], query: usize) -> bool {
@@ -236,7 +242,8 @@ fn the_basis_of_the_plane_does_not_matter() {
             let mut w = vec![0.0; 30];
             weights(y, &turned, &scene.table.own, &mut w);
             for (a, b) in w.iter().zip(&expected) {
-                // The bases are rounded to f32: orthonormal to 1e-7 only, which turning does not keep.
+                // The bases are rounded to f32: orthonormal to 1e-7 only, which turning does not
+                // keep.
                 assert!((a - b).abs() <= 1e-5, "{a} {b}");
             }
             // A basis that is orthonormal to f64 is turned without loss.
@@ -288,7 +295,8 @@ fn fused_weights_are_the_weights() {
     assert!(worst[1] <= FUSED_TOLERANCE * f64::from(f32::EPSILON), "{worst:?}");
 }
 
-/// Error of the fused form in epsilons for images of size 1: the moments' relative error times the system's condition.
+/// Error of the fused form in epsilons for images of size 1: the moments' relative error times the
+/// system's condition.
 const FUSED_TOLERANCE: f64 = CONDITION * TERMS;
 
 #[test]

@@ -5,18 +5,20 @@ use crate::engine::Real;
 
 /// Solves the inverse problem at `y`: the weights of eq. 13 of Panozzo et al. 2013 into `out`.
 ///
-/// `basis` spans the plane of Psi at `y` and is orthonormal ([`super::orthonormalise`]); `own` are the anchors,
-/// in the same embedding as `y`; `out` is as long as `own`. Returns whether the anchors span the plane; where they do not
-/// (fewer than three, collinear), the constraint in the plane holds in the least-squares sense.
+/// `basis` spans the plane of Psi at `y` and is orthonormal ([`super::orthonormalise`]); `own` are
+/// the anchors, in the same embedding as `y`; `out` is as long as `own`. Returns whether the
+/// anchors span the plane; where they do not (fewer than three, collinear), the constraint in the
+/// plane holds in the least-squares sense.
 ///
-/// With k the nearest anchor by D (the lowest index of equal ones), m the second smallest D, q_j = (m / D_j)^2 in
-/// (0, 1], a = (D_k / m)^2 in [0, 1] and K_j = p_j - p_k, the multipliers solve a 2x2 system built from sums of q, q K
-/// and q K K^T over j != k, and
+/// With k the nearest anchor by D (the lowest index of equal ones), m the second smallest D, q_j =
+/// (m / D_j)^2 in (0, 1], a = (D_k / m)^2 in [0, 1] and K_j = p_j - p_k, the multipliers solve a
+/// 2x2 system built from sums of q, q K and q K K^T over j != k, and
 ///
 /// w_j = q_j (K_j . mu + t),   w_k = 1 - sum w_j.
 ///
-/// The weights sum to one by construction. On an anchor a = 0 and p_k = 0, hence w = e_k exactly, with no special case. Several anchors
-/// at one place share their weight in a way that is finite and sums to one, but is not unique. No anchors: nothing is written.
+/// The weights sum to one by construction. On an anchor a = 0 and p_k = 0, hence w = e_k exactly,
+/// with no special case. Several anchors at one place share their weight in a way that is finite
+/// and sums to one, but is not unique. No anchors: nothing is written.
 ///
 /// Time O(n D), no allocation; each offset is computed three times rather than stored.
 pub fn weights<S: Real, const D: usize>(y: &[S; D], basis: &[[S; D]; 2], own: &[[S; D]], out: &mut [S]) -> bool {

@@ -1,4 +1,5 @@
-//! What the averages are measured against: closest point after alignment, and spatial radial basis functions.
+//! What the averages are measured against: closest point after alignment, and spatial radial basis
+//! functions.
 
 use glam::DVec3;
 use nalgebra::{DMatrix, Matrix3};
@@ -12,12 +13,12 @@ use crate::surface::packed::{PackedImage, PackedPoint, PointMap, Status};
 use super::{Method, Shape, check_faces};
 
 /// Part of the widest direction of some anchors below which they do not span a direction: more than
-/// the rounding of coordinates
-/// 1e7 sizes from the origin.
+/// the rounding of coordinates 1e7 sizes from the origin.
 const RANK: f64 = 1e-7;
 
-/// A smooth map of space followed by the closest point of the source. Every point is claimed valid: nothing in these methods
-/// tells right from wrong but the triangles they turn over ([`super::correspondence`]).
+/// A smooth map of space followed by the closest point of the source. Every point is claimed valid:
+/// nothing in these methods tells right from wrong but the triangles they turn over
+/// ([`super::correspondence`]).
 #[derive(Debug)]
 pub struct Baseline {
     /// In its own frame; the warp goes from there to that of the source.
@@ -43,10 +44,12 @@ pub(crate) enum Warp {
 }
 
 impl Baseline {
-    /// Fits the map to the anchors: [`Method::Rbf`] interpolates them, [`Method::Closest`] aligns them by a similarity.
+    /// Fits the map to the anchors: [`Method::Rbf`] interpolates them, [`Method::Closest`] aligns
+    /// them by a similarity.
     ///
     /// # Errors
-    /// If no triangle of the source is usable or the system of the radial basis functions breaks down.
+    /// If no triangle of the source is usable or the system of the radial basis functions breaks
+    /// down.
     pub fn new(source: Shape<'_>, target: Shape<'_>, anchors: &AnchorPairs, method: Method) -> Result<Self> {
         let closest = ClosestPoints::new(source.mesh, source.topology);
         let (here, there) = (Frame::of_mesh(target.mesh), closest.frame());
@@ -131,9 +134,8 @@ fn covariance((from, a): (&[DVec3], DVec3), (to, b): (&[DVec3], DVec3)) -> Matri
 
 impl Similarity {
     /// The similarity that fits the anchors best in the least squares sense, a reflection where
-    /// that fits better (mirrored pairs). Where fewer
-    /// than three anchors leave the rotation open nothing turns; where they lie at one place
-    /// lengths grow by `usual`.
+    /// that fits better (mirrored pairs). Where fewer than three anchors leave the rotation open
+    /// nothing turns; where they lie at one place lengths grow by `usual`.
     pub(super) fn fit(from: &[DVec3], to: &[DVec3], usual: f64) -> Self {
         let (a, b) = (mean(from), mean(to));
         let (sa, sb) = (spread(from, a), spread(to, b));
@@ -151,8 +153,7 @@ impl Similarity {
 
     /// The similarity of some of the points, mirrored as this one is and no more than twice as
     /// large or small: where the points leave it open, this one's rotation and scale, which count
-    /// as `prior` of
-    /// their covariance.
+    /// as `prior` of their covariance.
     pub(super) fn local(&self, from: &[DVec3], to: &[DVec3], prior: f64) -> Self {
         if from.is_empty() {
             return self.clone();
@@ -183,9 +184,10 @@ impl Similarity {
     }
 }
 
-/// Linear kernel `|x - t_i|` with an affine part, interpolating. Coincident anchors are merged to their mean; where the anchors do not span space, the
-/// affine part is the one of least norm. Directions that they span by less than [`RANK`] count as
-/// none: those of a tilted plane are rounding.
+/// Linear kernel `|x - t_i|` with an affine part, interpolating. Coincident anchors are merged to
+/// their mean; where the anchors do not span space, the affine part is the one of least norm.
+/// Directions that they span by less than [`RANK`] count as none: those of a tilted plane are
+/// rounding.
 fn radial(from: &[DVec3], to: &[DVec3]) -> Result<Warp> {
     let origin = mean(from);
     let extent = spread(from, origin);

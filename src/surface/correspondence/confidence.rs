@@ -3,16 +3,20 @@
 use crate::surface::packed::Status;
 use crate::surface::project::Found;
 
-/// Evidence about the image of one point; lengths are fractions of the square root of the area of the surface they are measured on.
+/// Evidence about the image of one point; lengths are fractions of the square root of the area of
+/// the surface they are measured on.
 #[derive(Clone, Copy, Debug)]
 pub struct Evidence {
-    /// `|ybar - image|`: how far the average lies off the source. Where the two surfaces and their anchors agree it is near zero; where the anchors do not
-    /// determine the map, or another part of the surface comes near, it is large.
+    /// `|ybar - image|`: how far the average lies off the source. Where the two surfaces and their
+    /// anchors agree it is near zero; where the anchors do not determine the map, or another part
+    /// of the surface comes near, it is large.
     pub residual: f64,
-    /// Error to be expected from what anchors show that are left out, grown with the distance from the nearest.
+    /// Error to be expected from what anchors show that are left out, grown with the distance from
+    /// the nearest.
     pub drift: f64,
-    /// Inverse then forward on the target with its own anchors: distance from the start, in mean edges. Infinite where nothing was found; `None` where the residual is
-    /// carried over, because the round trip is then the identity by construction.
+    /// Inverse then forward on the target with its own anchors: distance from the start, in mean
+    /// edges. Infinite where nothing was found; `None` where the residual is carried over, because
+    /// the round trip is then the identity by construction.
     pub round_trip: Option<f64>,
     /// How the image was found.
     pub found: Found,
@@ -32,9 +36,11 @@ pub struct Trust {
 }
 
 impl Default for Trust {
-    /// Calibrated on pairs with known truth and 80 to 93 anchors (docs/measurements.md, "What tells wrong from right"): where a residual above 0.05 is found a
-    /// quarter to all of the points are off by more than 0.05 of the square root of the area; where a drift of more than 0.016 is expected, a tenth to a half
-    /// of the area is off by more than 0.02, several times as much as elsewhere.
+    /// Calibrated on pairs with known truth and 80 to 93 anchors (docs/measurements.md, "What tells
+    /// wrong from right"): where a residual above 0.05 is found a quarter to all of the points are
+    /// off by more than 0.05 of the square root of the area; where a drift of more than 0.016 is
+    /// expected, a tenth to a half of the area is off by more than 0.02, several times as much as
+    /// elsewhere.
     fn default() -> Self {
         Self { residual: 0.04, drift: 0.0161, round_trip: 1.0, threshold: 0.5 }
     }

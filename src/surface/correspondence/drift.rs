@@ -1,7 +1,7 @@
 //! How far the map may drift between anchors, foretold from anchors left out.
 //!
-//! A wrong map can be smooth, and its averages can lie on the source: then no residual and no round trip betrays it. What remains is to ask each anchor
-//! where the others would have sent it.
+//! A wrong map can be smooth, and its averages can lie on the source: then no residual and no round
+//! trip betrays it. What remains is to ask each anchor where the others would have sent it.
 
 use rayon::prelude::*;
 
@@ -24,7 +24,8 @@ pub(crate) struct Anchors<'a, const D: usize> {
     pub(crate) b: &'a [Vector<f64, D>],
 }
 
-/// Weights `1/D_i^2` of eq. 13 of the anchors `a` at a point; a thousandth of an edge squared keeps that of an anchor at the point finite.
+/// Weights `1/D_i^2` of eq. 13 of the anchors `a` at a point; a thousandth of an edge squared keeps
+/// that of an anchor at the point finite.
 pub(crate) fn nearness<const D: usize>((y, t): &Place<D>, a: &[Vector<f64, D>]) -> Vec<f64> {
     a.iter()
         .map(|a| {
@@ -44,7 +45,8 @@ pub(crate) fn place<const D: usize>(surface: &PhongSurface<f64, D>, p: &SurfaceP
 /// The orthogonal map that fits all anchors, with edges of the source per edge of the target.
 pub(crate) type Carry<const D: usize> = ([Vector<f64, D>; D], f64);
 
-/// Where the anchors send a point of the target; `carry` ([`global_fit`] of the same anchors) where residuals are carried over.
+/// Where the anchors send a point of the target; `carry` ([`global_fit`] of the same anchors) where
+/// residuals are carried over.
 pub(crate) fn predict<const D: usize>(
     at: &Place<D>,
     anchors: Anchors<'_, D>,
@@ -66,7 +68,8 @@ pub(crate) fn global_fit<const D: usize>(anchors: Anchors<'_, D>) -> [Vector<f64
     orthogonal(anchors.a, anchors.b, &vec![1.0; anchors.a.len()], &identity())
 }
 
-/// For each anchor the distance, along the source's tangent plane and in its edges, between its place and where all others send it. O(n^2 D^2).
+/// For each anchor the distance, along the source's tangent plane and in its edges, between its
+/// place and where all others send it. O(n^2 D^2).
 fn left_out<const D: usize>(
     source: &PhongSurface<f64, D>,
     target: &PhongSurface<f64, D>,
@@ -100,12 +103,15 @@ pub(crate) fn expected_drift<const D: usize>(
     spread_drift(target, 1.0, anchors.a, &left_out(source, target, pairs, anchors, scale))
 }
 
-/// Errors of left out anchors spread over the vertices of the target; `edge` is the unit of the anchors `a`.
+/// Errors of left out anchors spread over the vertices of the target; `edge` is the unit of the
+/// anchors `a`.
 ///
-/// An anchor left out, with the next one at a distance s, comes out wrong by L: a drift of L / s per unit of distance. The drift at a vertex is the
-/// average of these over the anchors with weights `1/d^4` of their distances d, times the distance of the nearest anchor; it is 0 on anchors, and everywhere if the two surfaces
-/// with their anchors are congruent and residuals are carried over. Distances are those of the embedding. On pairs with known truth it ranks what is smooth but wrong, which
-/// the residual does not (docs/measurements.md). O(V n D).
+/// An anchor left out, with the next one at a distance s, comes out wrong by L: a drift of L / s
+/// per unit of distance. The drift at a vertex is the average of these over the anchors with
+/// weights `1/d^4` of their distances d, times the distance of the nearest anchor; it is 0 on
+/// anchors, and everywhere if the two surfaces with their anchors are congruent and residuals are
+/// carried over. Distances are those of the embedding. On pairs with known truth it ranks what is
+/// smooth but wrong, which the residual does not (docs/measurements.md). O(V n D).
 pub(crate) fn spread_drift<const D: usize>(
     target: &PhongSurface<f64, D>,
     edge: f64,

@@ -1,4 +1,5 @@
-//! Dense correspondence between two surfaces from pairs of anchors (paper, section 4.3), and the baselines it is measured against.
+//! Dense correspondence between two surfaces from pairs of anchors (paper, section 4.3), and the
+//! baselines it is measured against.
 
 mod baseline;
 mod checked;
@@ -28,11 +29,14 @@ use super::packed::{PackedPoint, PointMap};
 /// How points of the target are carried to the source.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Method {
-    /// Weighted averages as published: inverse problem on the target, forward problem on the source.
+    /// Weighted averages as published: inverse problem on the target, forward problem on the
+    /// source.
     Averages,
-    /// Weighted averages with the residual of the inverse problem carried over; the identity for equal surfaces.
+    /// Weighted averages with the residual of the inverse problem carried over; the identity for
+    /// equal surfaces.
     Transport,
-    /// An image for every vertex, predicted in the embedding and in space and relaxed onto the source ([`super::field`]): the most accurate.
+    /// An image for every vertex, predicted in the embedding and in space and relaxed onto the
+    /// source ([`super::field`]): the most accurate.
     #[default]
     Field,
     /// Spatial radial basis functions through the anchors, then the closest point.
@@ -87,10 +91,12 @@ pub struct CorrespondenceOptions {
     pub method: Method,
     /// Default single.
     pub precision: Precision,
-    /// Whether each point gets a confidence and a status by the checks of section 4.4; without them every point that was found is valid. Default true.
+    /// Whether each point gets a confidence and a status by the checks of section 4.4; without them
+    /// every point that was found is valid. Default true.
     pub confidence: bool,
-    /// Whether the images of [`Method::Field`] and [`Method::Rbf`] are relaxed onto the source; other methods have nothing to relax. `None` is as the method is known: a field is, radial basis
-    /// functions are not. Default `None`.
+    /// Whether the images of [`Method::Field`] and [`Method::Rbf`] are relaxed onto the source;
+    /// other methods have nothing to relax. `None` is as the method is known: a field is, radial
+    /// basis functions are not. Default `None`.
     pub relax: Option<bool>,
 }
 
@@ -110,11 +116,12 @@ impl Default for CorrespondenceOptions {
 ///
 /// Whatever the method, points in triangles of the target that it turns over are doubtful (with
 /// [`CorrespondenceOptions::confidence`]), and parts of the target without an anchor follow the
-/// nearest part
-/// that has one, as a whole; they are doubtful too, and [`AnchorPairs::check`] names them.
+/// nearest part that has one, as a whole; they are doubtful too, and [`AnchorPairs::check`] names
+/// them.
 ///
 /// # Errors
-/// If the anchors do not fit ([`AnchorPairs::check`]), or the embeddings are missing or differ in dimension.
+/// If the anchors do not fit ([`AnchorPairs::check`]), or the embeddings are missing or differ in
+/// dimension.
 pub fn correspondence(
     source: Shape<'_>,
     target: Shape<'_>,

@@ -2,12 +2,10 @@
 //!
 //! A method has nothing to go by on a component of the target (an eye, a button, a boot) that no
 //! anchor lies on: embeddings of components are unrelated, and in space the closest point may lie
-//! anywhere.
-//! But the part lies somewhere beside a part that is mapped, and goes with it: the similarity that
-//! takes the surface around it to its images takes the part along. It ends on the part of the
-//! source
-//! that lies there and has its size, where there is one without anchors, else on the source's
-//! surface beside it. All of it is doubtful.
+//! anywhere. But the part lies somewhere beside a part that is mapped, and goes with it: the
+//! similarity that takes the surface around it to its images takes the part along. It ends on the
+//! part of the source that lies there and has its size, where there is one without anchors, else on
+//! the source's surface beside it. All of it is doubtful.
 
 use std::collections::BTreeMap;
 

@@ -18,11 +18,13 @@ pub(crate) fn identity<const D: usize>() -> [Vector<f64, D>; D] {
     std::array::from_fn(|r| std::array::from_fn(|c| if r == c { 1.0 } else { 0.0 }))
 }
 
-/// The orthogonal matrix `Q` (row order, reflections allowed) that minimises `sum w_i |(b_i - b) - Q (a_i - a)|^2` about the weighted means: polar factor
-/// of the cross-covariance by its singular value decomposition.
+/// The orthogonal matrix `Q` (row order, reflections allowed) that minimises `sum w_i |(b_i - b) -
+/// Q (a_i - a)|^2` about the weighted means: polar factor of the cross-covariance by its singular
+/// value decomposition.
 ///
-/// Directions the points do not span (fewer than `D + 1` of them, or none but a few with a weight that counts) are completed as near to `completion` as possible: a millionth of it is
-/// added, so that with the identity equal point sets of any number give the identity.
+/// Directions the points do not span (fewer than `D + 1` of them, or none but a few with a weight
+/// that counts) are completed as near to `completion` as possible: a millionth of it is added, so
+/// that with the identity equal point sets of any number give the identity.
 pub(crate) fn orthogonal<const D: usize>(
     a: &[Vector<f64, D>],
     b: &[Vector<f64, D>],
@@ -45,7 +47,8 @@ pub(crate) fn orthogonal<const D: usize>(
     for r in 0..D {
         covariance[r] = add_scaled(&covariance[r], COMPLETION * size, &completion[r]);
     }
-    // Without weights there are no means; neither iteration nor decomposition end on what is not finite.
+    // Without weights there are no means; neither iteration nor decomposition end on what is not
+    // finite.
     if !size.is_finite() {
         return *completion;
     }
@@ -57,8 +60,9 @@ fn norm<const D: usize>(x: &[Vector<f64, D>; D]) -> f64 {
     x.iter().map(|r| dot(r, r)).sum::<f64>().sqrt()
 }
 
-/// The orthogonal polar factor by Newton's iteration `X <- (g X + X^-T / g) / 2` with scaling by norms (Higham, SIAM J. Sci. Stat. Comput. 7, 1986): no allocation, and exact to rounding where a decomposition loses small singular values.
-/// `None` where a matrix is numerically singular.
+/// The orthogonal polar factor by Newton's iteration `X <- (g X + X^-T / g) / 2` with scaling by
+/// norms (Higham, SIAM J. Sci. Stat. Comput. 7, 1986): no allocation, and exact to rounding where a
+/// decomposition loses small singular values. `None` where a matrix is numerically singular.
 fn newton<const D: usize>(x: &[Vector<f64, D>; D]) -> Option<[Vector<f64, D>; D]> {
     let mut x = *x;
     for _ in 0..STEPS {
@@ -141,7 +145,8 @@ mod tests {
                         assert!((product(&q, &x, i, j) - product(&q, &x, j, i)).abs() < 1e-14);
                     }
                 }
-                // The decomposition loses small singular values: 1e-9 of the largest is not enough at condition 1e6.
+                // The decomposition loses small singular values: 1e-9 of the largest is not enough
+                // at condition 1e6.
                 let other = decomposed(&x).unwrap();
                 let apart: [Vector<f64, 8>; 8] = std::array::from_fn(|r| sub(&q[r], &other[r]));
                 assert!(condition > 1e4 || norm(&apart) < 1e-12 * condition, "{condition} {}", norm(&apart));

@@ -17,8 +17,8 @@ use super::drift::{Anchors, expected_drift, nearness};
 use super::procrustes::{identity, orthogonal};
 use super::{CorrespondenceOptions, Method, Shape, check_faces};
 
-/// Squared length of the order of the distance measure near an anchor, in mean edges squared (notes on the fused form: it only keeps
-/// sums in range).
+/// Squared length of the order of the distance measure near an anchor, in mean edges squared (notes
+/// on the fused form: it only keeps sums in range).
 pub(crate) const AVERAGE_SCALE: f64 = 16.0;
 
 /// Points handled by one task: whole tiles of the sweep, and enough work to hide scheduling.
@@ -40,8 +40,10 @@ fn coordinates<S: Real>(point: PackedPoint) -> [S; 3] {
     [b0, b1, S::ONE - b0 - b1]
 }
 
-/// `d_v` and `|r_v|` of every vertex: `Q_v` is fitted to the anchors with weights `1/D_i^2`, those of eq. 13, and completed by the global fit `q`. Weights that
-/// fall off more slowly, or a part of the global fit in the local one, were measured to be less accurate: far anchors decide only what near ones leave open. O(V (n D^2 + D^3)).
+/// `d_v` and `|r_v|` of every vertex: `Q_v` is fitted to the anchors with weights `1/D_i^2`, those
+/// of eq. 13, and completed by the global fit `q`. Weights that fall off more slowly, or a part of
+/// the global fit in the local one, were measured to be less accurate: far anchors decide only what
+/// near ones leave open. O(V (n D^2 + D^3)).
 fn local_corrections<const D: usize>(
     target: &PhongSurface<f64, D>,
     a: &[Vector<f64, D>],
@@ -69,7 +71,8 @@ fn local_corrections<const D: usize>(
 pub struct Scratch<S, const D: usize> {
     /// The point on the target.
     pub y: Vector<S, D>,
-    /// `sum w_i a_i`: the average of the target's own anchors; `None` where neither the method nor its evidence needs it.
+    /// `sum w_i a_i`: the average of the target's own anchors; `None` where neither the method nor
+    /// its evidence needs it.
     pub own: Option<Vector<S, D>>,
     /// `ybar` on the source, the residual carried over where the method does so.
     pub mean: Vector<S, D>,
@@ -77,11 +80,14 @@ pub struct Scratch<S, const D: usize> {
 
 /// The map from the target to the source by inverse and forward problem.
 ///
-/// For a point of the target with embedding `y` and weights `w` of eq. 13 with respect to the target's anchors `a_i`, the source's anchors `b_i` are averaged:
-/// `ybar = sum w_i b_i` as published, or `ybar = sum w_i b_i + Q r` with residual transport, `r = y - sum w_i a_i` being what the target's own anchors
-/// leave over and `Q` the orthogonal map that fits the anchors best. The second is computed as `Q y + sum w_i (b_i - Q a_i)`, so that it costs one matrix
-/// product per point. A `Q_v` of its own for each vertex `v` of the target, fitted to the anchors near it, is more accurate; its
-/// difference `d_v = (Q_v - Q) r_v` is interpolated, scaled by `|r|` over the interpolated `|r_v|` so that anchors stay interpolated and the identity stays the identity.
+/// For a point of the target with embedding `y` and weights `w` of eq. 13 with respect to the
+/// target's anchors `a_i`, the source's anchors `b_i` are averaged: `ybar = sum w_i b_i` as
+/// published, or `ybar = sum w_i b_i + Q r` with residual transport, `r = y - sum w_i a_i` being
+/// what the target's own anchors leave over and `Q` the orthogonal map that fits the anchors best.
+/// The second is computed as `Q y + sum w_i (b_i - Q a_i)`, so that it costs one matrix product per
+/// point. A `Q_v` of its own for each vertex `v` of the target, fitted to the anchors near it, is
+/// more accurate; its difference `d_v = (Q_v - Q) r_v` is interpolated, scaled by `|r|` over the
+/// interpolated `|r_v|` so that anchors stay interpolated and the identity stays the identity.
 /// `ybar` is then projected onto the source.
 #[derive(Debug)]
 pub struct WeightedAverages<S: Real, const D: usize> {
@@ -97,11 +103,14 @@ pub struct WeightedAverages<S: Real, const D: usize> {
     pub corrections: Vec<Correction<S, D>>,
     /// For each vertex of the target the vertex of the source nearest to its image, or [`NONE`].
     pub starts: Vec<u32>,
-    /// For each triangle of the target the triangle of the source that its centroid goes to, or [`NONE`].
+    /// For each triangle of the target the triangle of the source that its centroid goes to, or
+    /// [`NONE`].
     pub start_faces: Vec<u32>,
-    /// For each vertex of the target the vertex of the target nearest to the average of its own anchors; empty with transport.
+    /// For each vertex of the target the vertex of the target nearest to the average of its own
+    /// anchors; empty with transport.
     pub own_starts: Vec<u32>,
-    /// For each vertex of the target how far its image may be off, over the square root of the source's area; empty without evidence.
+    /// For each vertex of the target how far its image may be off, over the square root of the
+    /// source's area; empty without evidence.
     pub drift: Vec<f64>,
     /// Mean edge of the embedded source over the square root of its area.
     pub unit: f64,
@@ -111,7 +120,8 @@ pub struct WeightedAverages<S: Real, const D: usize> {
 }
 
 impl<S: Real, const D: usize> WeightedAverages<S, D> {
-    /// Prepares the map. The images of the target's vertices are solved for here, once, each starting from the exactly nearest vertex.
+    /// Prepares the map. The images of the target's vertices are solved for here, once, each
+    /// starting from the exactly nearest vertex.
     ///
     /// # Errors
     /// If an embedding is missing or not of dimension `D`, or an anchor is not embedded.
@@ -173,7 +183,8 @@ impl<S: Real, const D: usize> WeightedAverages<S, D> {
         Ok(map)
     }
 
-    /// Solves for the images of vertices and centroids, from which the searches of all other points start.
+    /// Solves for the images of vertices and centroids, from which the searches of all other points
+    /// start.
     fn solve_starts(&mut self, target: Shape<'_>) {
         let nearest = NearestVertex::new(&self.source);
         let map = &*self;
@@ -217,7 +228,8 @@ impl<S: Real, const D: usize> WeightedAverages<S, D> {
         (self.starts, self.start_faces, self.own_starts) = (starts, start_faces, own_starts);
     }
 
-    /// The point `x` of the target's triangle `face` and an orthonormal basis of its interpolated tangent plane.
+    /// The point `x` of the target's triangle `face` and an orthonormal basis of its interpolated
+    /// tangent plane.
     pub fn frame(&self, face: u32, x: [S; 3]) -> (Vector<S, D>, [Vector<S, D>; 2]) {
         let t = self.target.triangle(face);
         (t.point(&x), orthonormalise(t.psi(&x)))
@@ -273,7 +285,8 @@ impl<S: Real, const D: usize> WeightedAverages<S, D> {
         self.target.triangles[face as usize].v.map(|v| self.starts[v as usize])
     }
 
-    /// Forward problem: projects an average of a point of the target's triangle `face` onto the source.
+    /// Forward problem: projects an average of a point of the target's triangle `face` onto the
+    /// source.
     #[inline(always)]
     pub fn forward(&self, face: u32, mean: &Vector<S, D>) -> Projection<S> {
         self.source.project_near(mean, self.start_faces[face as usize], &self.starts_of(face))
@@ -302,7 +315,8 @@ impl<S: Real, const D: usize> WeightedAverages<S, D> {
         }
     }
 
-    /// Distance, in mean edges, between a point and the forward problem's answer to its own weights on its own surface (section 4.4).
+    /// Distance, in mean edges, between a point and the forward problem's answer to its own weights
+    /// on its own surface (section 4.4).
     pub fn round_trip(&self, face: u32, y: &Vector<S, D>, own: &Vector<S, D>) -> f64 {
         let starts = self.target.triangles[face as usize].v.map(|v| self.own_starts[v as usize]);
         let back = self.target.project(own, &starts, SearchLimits::FIRST);

@@ -4,7 +4,8 @@ use super::{Embedding, EmbeddingOptions, Seconds};
 use crate::error::{Error, Result};
 use crate::geometry::Mesh;
 
-/// Changes whenever the same mesh and options may give another embedding, or its bytes another layout.
+/// Changes whenever the same mesh and options may give another embedding, or its bytes another
+/// layout.
 pub const ALGORITHM_VERSION: u32 = 2;
 
 const MAGIC: [u8; 8] = *b"BARYEMBD";
@@ -29,7 +30,8 @@ impl<'a> Reader<'a> {
         Some(f64::from_bits(self.u64()?))
     }
 
-    /// A list of items of `size` bytes; a length that does not fit into the rest gives `None`, not an allocation.
+    /// A list of items of `size` bytes; a length that does not fit into the rest gives `None`, not
+    /// an allocation.
     fn list<T>(&mut self, size: usize, item: impl Fn(&[u8]) -> T) -> Option<Vec<T>> {
         let count = usize::try_from(self.u64()?).ok()?;
         Some(self.take(count.checked_mul(size)?)?.chunks_exact(size).map(item).collect())
@@ -37,7 +39,8 @@ impl<'a> Reader<'a> {
 }
 
 impl Embedding {
-    /// The embedding as bytes (versioned, little-endian, with a checksum), without the times. About 8 (D V) bytes.
+    /// The embedding as bytes (versioned, little-endian, with a checksum), without the times. About
+    /// 8 (D V) bytes.
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut out = Vec::with_capacity(8 * self.points.len() + 4 * self.landmarks.len() + 256);
         out.extend(MAGIC);
@@ -62,7 +65,8 @@ impl Embedding {
     /// The embedding that [`Embedding::to_bytes`] wrote; its times are zero.
     ///
     /// # Errors
-    /// [`Error::Input`] if the bytes are cut off, changed, or of another version. The remedy is to compute the embedding again.
+    /// [`Error::Input`] if the bytes are cut off, changed, or of another version. The remedy is to
+    /// compute the embedding again.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
         let bad =
             |what: &str| Error::input(format!("cached embedding: {what}"), "Delete it; it is computed again then");
@@ -102,7 +106,8 @@ impl Embedding {
     }
 }
 
-/// The name under which the embedding of `mesh` with `options` may be kept: a hash of everything it depends on.
+/// The name under which the embedding of `mesh` with `options` may be kept: a hash of everything it
+/// depends on.
 pub fn cache_key(mesh: &Mesh, options: &EmbeddingOptions) -> String {
     let mut hasher = blake3::Hasher::new();
     hasher.update(&MAGIC);

@@ -11,10 +11,12 @@ use crate::geometry::sampling::farthest_points;
 use crate::geometry::{Geodesics, SimplifyOptions, simplify};
 use crate::progress::Progress;
 
-/// Distances closer to zero than this part of the largest are raised to it: their weights would drown all others.
+/// Distances closer to zero than this part of the largest are raised to it: their weights would
+/// drown all others.
 const LEAST_DISTANCE: f64 = 1e-6;
-/// Edges between landmarks chosen by decimation are no longer than this many times their mean spacing, so that flat parts keep some. Measured
-/// between 2 (like farthest points) and infinity (as in the paper): 3 to 4 is best on bodies and not much worse than farthest points on tori.
+/// Edges between landmarks chosen by decimation are no longer than this many times their mean
+/// spacing, so that flat parts keep some. Measured between 2 (like farthest points) and infinity
+/// (as in the paper): 3 to 4 is best on bodies and not much worse than farthest points on tori.
 const LANDMARK_EDGE: f64 = 3.0;
 /// Edges of the mid-level mesh are no longer than this many times the spacing of its vertices.
 const MID_EDGE: f64 = 3.0;
@@ -25,7 +27,8 @@ pub(crate) struct Landmarks {
     pub(crate) distances: Vec<f64>,
 }
 
-/// The mesh that distances are measured on: the part, simplified to `options.mid_level` vertices if it has more.
+/// The mesh that distances are measured on: the part, simplified to `options.mid_level` vertices if
+/// it has more.
 struct MidLevel {
     /// Vertices of the part, ascending.
     vertices: Vec<u32>,
@@ -35,7 +38,8 @@ struct MidLevel {
 }
 
 impl MidLevel {
-    /// `count` is the number of landmarks asked for: there are four times as many vertices, if the part has them.
+    /// `count` is the number of landmarks asked for: there are four times as many vertices, if the
+    /// part has them.
     fn new(part: &Part, count: usize, options: &EmbeddingOptions) -> Self {
         let n = part.vertices.len();
         let mid = options.mid_level.max(4 * count);
@@ -57,7 +61,8 @@ impl MidLevel {
     }
 }
 
-/// Chooses up to `count` landmarks. Distances are measured on a simplified mesh of `options.mid_level` vertices if the part has more.
+/// Chooses up to `count` landmarks. Distances are measured on a simplified mesh of
+/// `options.mid_level` vertices if the part has more.
 pub(crate) fn choose(
     part: &Part,
     count: usize,
@@ -87,7 +92,8 @@ pub(crate) fn choose(
     Landmarks { vertices: chosen.into_iter().map(|v| mid.vertices[v as usize]).collect(), distances }
 }
 
-/// The distances between landmarks that [`choose`] gave for the same part, `count` and options, measured again; `None` if some are not among the vertices that distances are measured on.
+/// The distances between landmarks that [`choose`] gave for the same part, `count` and options,
+/// measured again; `None` if some are not among the vertices that distances are measured on.
 pub(crate) fn measure(
     part: &Part,
     count: usize,

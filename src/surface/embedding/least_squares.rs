@@ -1,4 +1,5 @@
-//! Least-squares meshes: the smoothest mesh of R^D through given positions of some vertices (equation 15).
+//! Least-squares meshes: the smoothest mesh of R^D through given positions of some vertices
+//! (equation 15).
 
 use faer::Mat;
 use glam::DVec3;
@@ -10,17 +11,20 @@ use crate::geometry::{Laplacian, SparseRows};
 
 /// Columns of the system assembled by one task.
 const BLOCK: usize = 2048;
-/// Weight of the Dirichlet energy beside the bending energy, for wave lengths of the spacing of the landmarks. It decides where the bending
-/// energy alone leaves a vertex free (ears of the boundary).
+/// Weight of the Dirichlet energy beside the bending energy, for wave lengths of the spacing of the
+/// landmarks. It decides where the bending energy alone leaves a vertex free (ears of the
+/// boundary).
 const MEMBRANE: f64 = 1e-8;
 /// Smallest mass of a vertex in parts of the mean one.
 const LEAST_MASS: f64 = 1e-4;
 
-/// Positions in R^D of all vertices, row-major, that minimise the bending energy x' L' M^-1 L x with the vertices `fixed` at `targets`.
+/// Positions in R^D of all vertices, row-major, that minimise the bending energy x' L' M^-1 L x
+/// with the vertices `fixed` at `targets`.
 ///
-/// `targets` has `dimension` columns and a row for each of `fixed`, which must be distinct and hit every component of the mesh. L is
-/// the cotangent Laplacian without boundary flow, so that planes (and all linear images of flat meshes) are reproduced, also with a
-/// boundary; M is the lumped mass. One sparse Cholesky factorisation of the free vertices' system and `dimension` solves.
+/// `targets` has `dimension` columns and a row for each of `fixed`, which must be distinct and hit
+/// every component of the mesh. L is the cotangent Laplacian without boundary flow, so that planes
+/// (and all linear images of flat meshes) are reproduced, also with a boundary; M is the lumped
+/// mass. One sparse Cholesky factorisation of the free vertices' system and `dimension` solves.
 ///
 /// # Errors
 /// [`Error::Numeric`] if the system cannot be factorised or the result is not finite.

@@ -1,9 +1,10 @@
-//! The Euclidean embedding of a surface (section 3.5): every vertex gets a point of R^D such that straight distances in R^D are close to
-//! geodesic ones.
+//! The Euclidean embedding of a surface (section 3.5): every vertex gets a point of R^D such that
+//! straight distances in R^D are close to geodesic ones.
 //!
-//! Landmarks are spread over the surface ([`EmbeddingOptions::landmarks`]), the geodesic distances between them are measured by fast
-//! marching (on a simplified mesh if the mesh is large), multidimensional scaling gives them positions, and the other vertices
-//! follow as a least-squares mesh. The components of a mesh are embedded apart and put far from one another.
+//! Landmarks are spread over the surface ([`EmbeddingOptions::landmarks`]), the geodesic distances
+//! between them are measured by fast marching (on a simplified mesh if the mesh is large),
+//! multidimensional scaling gives them positions, and the other vertices follow as a least-squares
+//! mesh. The components of a mesh are embedded apart and put far from one another.
 
 mod cache;
 mod landmarks;
@@ -23,7 +24,8 @@ use crate::progress::{Progress, Quiet};
 
 /// Landmarks that every component gets at least, if it has as many vertices.
 const LEAST_LANDMARKS: usize = 24;
-/// Largest number of landmarks: their distances are a dense matrix, and setting up the scaling takes the cube of their number.
+/// Largest number of landmarks: their distances are a dense matrix, and setting up the scaling
+/// takes the cube of their number.
 const MOST_LANDMARKS: usize = 5000;
 /// Components with fewer vertices report no progress of their own.
 const SHOWN: usize = 2000;
@@ -33,10 +35,12 @@ const NAMED: usize = 8;
 /// How landmarks are chosen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Sampling {
-    /// Each as far as possible from all before it, along the surface. Somewhat better for far distances on plump shapes.
+    /// Each as far as possible from all before it, along the surface. Somewhat better for far
+    /// distances on plump shapes.
     FarthestPoint,
-    /// What half-edge collapses by least change of normals leave over, as in the paper: more landmarks where the surface is curved. Much better
-    /// on thin and detailed parts (fingers, ears, mouths), which farthest points miss and the least-squares mesh then flattens.
+    /// What half-edge collapses by least change of normals leave over, as in the paper: more
+    /// landmarks where the surface is curved. Much better on thin and detailed parts (fingers,
+    /// ears, mouths), which farthest points miss and the least-squares mesh then flattens.
     #[default]
     Decimation,
 }
@@ -54,7 +58,8 @@ pub struct EmbeddingOptions {
     pub sweeps: usize,
     /// The scaling stops when ten sweeps lower the stress by less than this part of it.
     pub tolerance: f64,
-    /// Geodesic distances are measured on a mesh simplified to about this many vertices if there are more (at least four times the landmarks).
+    /// Geodesic distances are measured on a mesh simplified to about this many vertices if there
+    /// are more (at least four times the landmarks).
     pub mid_level: usize,
 }
 
@@ -111,11 +116,13 @@ pub struct Seconds {
 pub struct Embedding {
     /// D.
     pub dimension: usize,
-    /// One row of D coordinates per vertex, in the mesh's units; NaN where the vertex is in no usable triangle.
+    /// One row of D coordinates per vertex, in the mesh's units; NaN where the vertex is in no
+    /// usable triangle.
     pub points: Vec<f64>,
     /// The landmarks, as vertices of the mesh, component by component.
     pub landmarks: Vec<u32>,
-    /// Mean of (1 - d/Q)^2 over the pairs of landmarks of the same component; d is the distance in R^D, Q the geodesic one.
+    /// Mean of (1 - d/Q)^2 over the pairs of landmarks of the same component; d is the distance in
+    /// R^D, Q the geodesic one.
     pub stress: f64,
     /// Sweeps of the scaling (of the component that took most).
     pub sweeps: u64,
@@ -128,14 +135,15 @@ pub struct Embedding {
 impl Embedding {
     /// Embeds `mesh`, whose adjacency is `topology`.
     ///
-    /// Deterministic for any number of threads, and scales with the mesh. Time: O(L V' log V') for the distances of L landmarks on a
-    /// mid-level mesh of V' vertices, O(L^3 + sweeps L^2 D) for the scaling, and a sparse factorisation over V vertices.
+    /// Deterministic for any number of threads, and scales with the mesh. Time: O(L V' log V') for
+    /// the distances of L landmarks on a mid-level mesh of V' vertices, O(L^3 + sweeps L^2 D) for
+    /// the scaling, and a sparse factorisation over V vertices.
     ///
     /// Source: section 3.5, equations 14 and 15.
     ///
     /// # Errors
-    /// [`Error::Option`] for options out of range, [`Error::Mesh`] if the mesh has no usable triangle or does not fit `topology`,
-    /// [`Error::Numeric`] if a factorisation breaks down.
+    /// [`Error::Option`] for options out of range, [`Error::Mesh`] if the mesh has no usable
+    /// triangle or does not fit `topology`, [`Error::Numeric`] if a factorisation breaks down.
     pub fn compute(
         mesh: &Mesh,
         topology: &Topology,
@@ -191,7 +199,8 @@ impl Embedding {
         &self.points[v * self.dimension..(v + 1) * self.dimension]
     }
 
-    /// Root of the mean squared relative error of distances between landmarks: the square root of [`Embedding::stress`].
+    /// Root of the mean squared relative error of distances between landmarks: the square root of
+    /// [`Embedding::stress`].
     pub fn relative_error(&self) -> f64 {
         self.stress.sqrt()
     }
@@ -236,8 +245,8 @@ fn embed_part(
     })
 }
 
-/// Centres each part, puts the parts apart and goes back to the mesh's units. Two points of different parts are farther from each other
-/// than any two of the same part.
+/// Centres each part, puts the parts apart and goes back to the mesh's units. Two points of
+/// different parts are farther from each other than any two of the same part.
 fn assemble(
     vertex_count: usize,
     parts: &[parts::Part],

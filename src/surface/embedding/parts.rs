@@ -4,7 +4,8 @@ use glam::DVec3;
 
 use crate::geometry::{Mesh, NONE, Topology};
 
-/// One component with its own numbering; lengths in units of the square root of the whole mesh's area.
+/// One component with its own numbering; lengths in units of the square root of the whole mesh's
+/// area.
 #[derive(Clone, Debug)]
 pub(crate) struct Part {
     /// Vertices in the mesh, ascending.
@@ -45,7 +46,8 @@ pub(crate) fn split(mesh: &Mesh, topology: &Topology, unit: f64) -> Vec<Part> {
     parts
 }
 
-/// Landmarks of each part: its share by area of `landmarks`, at least `least`, at most all its vertices.
+/// Landmarks of each part: its share by area of `landmarks`, at least `least`, at most all its
+/// vertices.
 pub(crate) fn share(parts: &[Part], landmarks: usize, least: usize) -> Vec<usize> {
     parts
         .iter()
@@ -56,10 +58,11 @@ pub(crate) fn share(parts: &[Part], landmarks: usize, least: usize) -> Vec<usize
         .collect()
 }
 
-/// Where the centres of `count` parts go: distinct points of the grid with the given spacing, the first at the origin.
+/// Where the centres of `count` parts go: distinct points of the grid with the given spacing, the
+/// first at the origin.
 ///
-/// All grid points with coordinates 0, 1, -1 come first, then those with 2, -2 and so on, so that the whole stays compact: single precision
-/// loses least.
+/// All grid points with coordinates 0, 1, -1 come first, then those with 2, -2 and so on, so that
+/// the whole stays compact: single precision loses least.
 pub(crate) fn centers(count: usize, dimension: usize, spacing: f64) -> Vec<Vec<f64>> {
     let mut base = 3usize;
     while base.checked_pow(dimension as u32).is_some_and(|all| all < count) {

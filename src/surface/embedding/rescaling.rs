@@ -1,4 +1,5 @@
-//! The scaling of an embedding once more, from another start: the same landmarks and distances, on the way to the minimum by plain majorisation.
+//! The scaling of an embedding once more, from another start: the same landmarks and distances, on
+//! the way to the minimum by plain majorisation.
 
 use faer::Mat;
 
@@ -30,11 +31,13 @@ pub struct Rescaling<'a> {
 }
 
 impl<'a> Rescaling<'a> {
-    /// Measures the distances between the landmarks of `embedding` again, which [`Embedding::compute`] made of this mesh with these options, and sets up the scaling. O(L V log V) for the distances
-    /// and O(L^3); 3 L^2 numbers are kept.
+    /// Measures the distances between the landmarks of `embedding` again, which
+    /// [`Embedding::compute`] made of this mesh with these options, and sets up the scaling. O(L V
+    /// log V) for the distances and O(L^3); 3 L^2 numbers are kept.
     ///
     /// # Errors
-    /// [`Error::Input`] if the embedding is not one that [`Embedding::compute`] makes of this mesh with these options, as far as its landmarks tell; [`Error::Numeric`] as there.
+    /// [`Error::Input`] if the embedding is not one that [`Embedding::compute`] makes of this mesh
+    /// with these options, as far as its landmarks tell; [`Error::Numeric`] as there.
     pub fn new(
         mesh: &Mesh,
         topology: &Topology,
@@ -86,11 +89,14 @@ impl<'a> Rescaling<'a> {
         Ok(Self { embedding, parts, components, vertex_count: mesh.vertex_count(), unit })
     }
 
-    /// Scales from `start`, a row for each of [`Embedding::landmarks`] in the mesh's units, by at most `sweeps` sweeps; the other vertices follow as a least-squares mesh. The stress never rises
-    /// above the start's. A component some of whose rows are not finite starts from where it is. O(sweeps L^2 D) and a sparse factorisation over all vertices.
+    /// Scales from `start`, a row for each of [`Embedding::landmarks`] in the mesh's units, by at
+    /// most `sweeps` sweeps; the other vertices follow as a least-squares mesh. The stress never
+    /// rises above the start's. A component some of whose rows are not finite starts from where it
+    /// is. O(sweeps L^2 D) and a sparse factorisation over all vertices.
     ///
     /// # Errors
-    /// [`Error::Input`] for a wrong number of rows, [`Error::Numeric`] if a factorisation breaks down.
+    /// [`Error::Input`] for a wrong number of rows, [`Error::Numeric`] if a factorisation breaks
+    /// down.
     pub fn restart(&self, start: &[f64], sweeps: usize, progress: &dyn Progress) -> Result<Embedding> {
         let (old, dimension) = (self.embedding, self.embedding.dimension);
         if start.len() != old.landmarks.len() * dimension {
@@ -158,7 +164,8 @@ mod tests {
         e.landmarks.iter().flat_map(|&v| e.point(v as usize)).copied().collect()
     }
 
-    /// Root of the mean squared distance between points of the same number, over that from the middle.
+    /// Root of the mean squared distance between points of the same number, over that from the
+    /// middle.
     fn apart(a: &Embedding, b: &Embedding) -> f64 {
         let square = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>();
         let difference: Vec<f64> = a.points.iter().zip(&b.points).map(|(x, y)| x - y).collect();
@@ -191,7 +198,8 @@ mod tests {
         assert!(apart(&wanted, &turned) < 1e-3, "{}", apart(&wanted, &turned));
         assert!(apart(&same, &turned) > 0.5);
 
-        // The measure can fail: a start that is off has more stress, and what was swept has less again.
+        // The measure can fail: a start that is off has more stress, and what was swept has less
+        // again.
         let off: Vec<f64> = rows(&e).iter().enumerate().map(|(i, x)| x * (1.0 + 0.3 * (i as f64).sin())).collect();
         let [none, some] = [0, 100].map(|sweeps| scaling.restart(&off, sweeps, &Quiet).unwrap().stress);
         assert!(none > 2.0 * e.stress && some < 0.5 * none, "{none} {some} {}", e.stress);

@@ -1,9 +1,11 @@
 //! Multidimensional scaling: points of R^D whose distances are close to given ones.
 //!
-//! The stress is the sum of (1 - d/Q)^2 over pairs (equation 14), that is weights 1/Q^2. Majorisation (SMACOF) replaces X by the minimiser
-//! V^+ B(X) X of a quadratic that bounds the stress from above and touches it at X, so that the stress cannot rise. Such steps are
-//! preconditioned gradient steps; here they are combined by limited-memory quasi-Newton steps in the inner product of V, and a combined
-//! step that would raise the stress is replaced by the plain one.
+//! The stress is the sum of (1 - d/Q)^2 over pairs (equation 14), that is weights 1/Q^2.
+//! Majorisation (SMACOF) replaces X by the minimiser V^+ B(X) X of a quadratic that bounds the
+//! stress from above and touches it at X, so that the stress cannot rise. Such steps are
+//! preconditioned gradient steps; here they are combined by limited-memory quasi-Newton steps in
+//! the inner product of V, and a combined step that would raise the stress is replaced by the plain
+//! one.
 
 use std::collections::VecDeque;
 
@@ -41,14 +43,16 @@ pub(crate) enum Step {
     Plain,
 }
 
-/// Points, one column per dimension, with the stress after each sweep (mean over pairs; the first entry is the start's).
+/// Points, one column per dimension, with the stress after each sweep (mean over pairs; the first
+/// entry is the start's).
 #[derive(Clone, Debug)]
 pub(crate) struct Scaled {
     pub(crate) points: Mat<f64>,
     pub(crate) stress: Vec<f64>,
 }
 
-/// The classical (Torgerson) solution: eigenvectors of the doubly centred squared distances; unused dimensions are zero.
+/// The classical (Torgerson) solution: eigenvectors of the doubly centred squared distances; unused
+/// dimensions are zero.
 ///
 /// `distances` is a full symmetric n x n matrix. O(n^3).
 pub(crate) fn classical(distances: &[f64], n: usize, dimension: usize) -> Result<Mat<f64>> {
@@ -119,7 +123,8 @@ impl Problem {
         for i in 0..n {
             v[(i, i)] = (0..n).map(|j| weight(i, j)).sum();
         }
-        // V has the constants as its kernel: V^+ = (V + c 11')^-1 - 11' / (c n^2), with c of the size of V's entries.
+        // V has the constants as its kernel: V^+ = (V + c 11')^-1 - 11' / (c n^2), with c of the
+        // size of V's entries.
         let c = (0..n).map(|i| v[(i, i)]).sum::<f64>() / (n * n) as f64;
         let shifted = Mat::from_fn(n, n, |i, j| v[(i, j)] + c);
         let mut v_plus = inverse_positive(shifted)?;
@@ -213,7 +218,8 @@ fn pair_row<const D: usize>(i: usize, inverse: &[f64], columns: &[f64], out: &mu
     stress.iter().sum()
 }
 
-/// Inverse of a symmetric positive definite matrix. Sequential, so that the number of threads does not change the result.
+/// Inverse of a symmetric positive definite matrix. Sequential, so that the number of threads does
+/// not change the result.
 fn inverse_positive(mut a: Mat<f64>) -> Result<Mat<f64>> {
     let n = a.nrows();
     let scratch = llt::factor::cholesky_in_place_scratch::<f64>(n, Par::Seq, Default::default())
@@ -275,7 +281,8 @@ fn plus(a: &Mat<f64>, t: f64, b: &Mat<f64>) -> Mat<f64> {
     Mat::from_fn(a.nrows(), a.ncols(), |i, k| a[(i, k)] + t * b[(i, k)])
 }
 
-/// A step taken and the change of the residual X - V^+ B(X) X over it, both with their products with V.
+/// A step taken and the change of the residual X - V^+ B(X) X over it, both with their products
+/// with V.
 struct Pair {
     step: Mat<f64>,
     v_step: Mat<f64>,
@@ -284,7 +291,8 @@ struct Pair {
     curvature: f64,
 }
 
-/// The quasi-Newton direction for the residual `r` (two-loop recursion in the inner product of V; without history the SMACOF step -r).
+/// The quasi-Newton direction for the residual `r` (two-loop recursion in the inner product of V;
+/// without history the SMACOF step -r).
 fn direction(r: &Mat<f64>, history: &VecDeque<Pair>) -> Mat<f64> {
     let mut q = r.clone();
     let mut factors = Vec::new();
@@ -306,8 +314,9 @@ fn direction(r: &Mat<f64>, history: &VecDeque<Pair>) -> Mat<f64> {
 
 /// Lowers the stress from `start` until `stop`; the stress never rises from one sweep to the next.
 ///
-/// `distances` is a full symmetric n x n matrix, positive off the diagonal; `start` has n rows and 4, 8, 12 or 16 columns. `swept` is called
-/// after each sweep. A sweep costs O(n^2 D), the set-up O(n^3).
+/// `distances` is a full symmetric n x n matrix, positive off the diagonal; `start` has n rows and
+/// 4, 8, 12 or 16 columns. `swept` is called after each sweep. A sweep costs O(n^2 D), the set-up
+/// O(n^3).
 pub(crate) fn smacof(distances: &[f64], start: Mat<f64>, stop: Stop, swept: impl FnMut()) -> Result<Scaled> {
     Ok(descend(&Problem::new(distances, start.nrows())?, start, Step::Combined, stop, swept))
 }

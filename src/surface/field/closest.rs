@@ -1,4 +1,5 @@
-//! The closest point of a surface in R^K, by the vertices nearby; with normals as four more coordinates where they count.
+//! The closest point of a surface in R^K, by the vertices nearby; with normals as four more
+//! coordinates where they count.
 
 use rayon::prelude::*;
 
@@ -35,7 +36,8 @@ pub(in crate::surface) struct ClosestOnSurface<'a, const K: usize> {
     vertices: &'a NearestVertex<K>,
     /// Of each vertex; empty where they do not count.
     normals: &'a [Normal],
-    /// Of each triangle the scalar products 00, 01, 11 of its two edges from the first corner, normals included; empty as they are.
+    /// Of each triangle the scalar products 00, 01, 11 of its two edges from the first corner,
+    /// normals included; empty as they are.
     edges: Vec<[f64; 3]>,
 }
 
@@ -56,14 +58,17 @@ impl<'a, const K: usize> ClosestOnSurface<'a, K> {
         Self { surface: self.surface, vertices: self.vertices, normals, edges }
     }
 
-    /// The closest point of the triangles around the nearest vertex, then around the corners of the triangle found, until none is closer; the lowest triangle on ties. A
-    /// local minimum that begins at the exactly nearest vertex: where triangles are much larger than the distance to another part of the surface it may
-    /// not be the global one. `None` for a point that is not finite.
+    /// The closest point of the triangles around the nearest vertex, then around the corners of the
+    /// triangle found, until none is closer; the lowest triangle on ties. A local minimum that
+    /// begins at the exactly nearest vertex: where triangles are much larger than the distance to
+    /// another part of the surface it may not be the global one. `None` for a point that is not
+    /// finite.
     pub(in crate::surface) fn find(&self, z: &Vector<f64, K>) -> Option<Closest> {
         self.near((z, &FLAT), NONE)
     }
 
-    /// The same from the vertex that a walk from `start` comes to, several times as fast: the closest point of the same part of the surface, for points that have moved little. An unknown
+    /// The same from the vertex that a walk from `start` comes to, several times as fast: the
+    /// closest point of the same part of the surface, for points that have moved little. An unknown
     /// start (`NONE`) is the nearest vertex, normals aside.
     pub(in crate::surface) fn near(&self, place: Place<'_, K>, start: u32) -> Option<Closest> {
         if !finite(place) {
@@ -73,13 +78,15 @@ impl<'a, const K: usize> ClosestOnSurface<'a, K> {
         self.around(place, self.walk(place, start))
     }
 
-    /// An index of the vertices by place in space and normal: the nearest of them may lie on another part of the surface than the nearest in R^K.
+    /// An index of the vertices by place in space and normal: the nearest of them may lie on
+    /// another part of the surface than the nearest in R^K.
     pub(super) fn facing(&self) -> NearestVertex<8> {
         let used = (0..self.surface.vertices.len() as u32).filter(|&v| !self.surface.fan(v).is_empty()).collect();
         NearestVertex::of_points(used, |v| facing(&self.surface.vertices[v as usize].y, self.normal(v)))
     }
 
-    /// The closer of what follows from `last` ([`Self::follow`]) and what is near the vertex that `index` gives.
+    /// The closer of what follows from `last` ([`Self::follow`]) and what is near the vertex that
+    /// `index` gives.
     pub(super) fn near_or_facing(
         &self,
         place: Place<'_, K>,
@@ -99,7 +106,8 @@ impl<'a, const K: usize> ClosestOnSurface<'a, K> {
         Some(if (b.distance_squared, b.face) < (a.distance_squared, a.face) { b } else { a })
     }
 
-    /// The closest point of the triangle `face`, or of those that come closer when its border is crossed: a tenth of the work again, for points that follow the one found last.
+    /// The closest point of the triangle `face`, or of those that come closer when its border is
+    /// crossed: a tenth of the work again, for points that follow the one found last.
     pub(super) fn follow(&self, place: Place<'_, K>, face: u32) -> Option<Closest> {
         let mut best = self.on_triangle(place, face);
         if !best.distance_squared.is_finite() {
@@ -125,7 +133,8 @@ impl<'a, const K: usize> ClosestOnSurface<'a, K> {
         }
     }
 
-    /// The same from a triangle at the vertex `start`; from the nearest vertex where that is unknown (`NONE`).
+    /// The same from a triangle at the vertex `start`; from the nearest vertex where that is
+    /// unknown (`NONE`).
     pub(super) fn follow_from(&self, place: Place<'_, K>, start: u32) -> Option<Closest> {
         let fan = if start == NONE { &[] } else { self.surface.fan(start) };
         fan.first().map_or_else(|| self.near(place, NONE), |&t| self.follow(place, t))
@@ -143,8 +152,9 @@ impl<'a, const K: usize> ClosestOnSurface<'a, K> {
         combine(&c.x, self.surface.triangles[c.face as usize].v.map(|v| &self.surface.vertices[v as usize].y))
     }
 
-    /// The part of a displacement in R^K along the surface at a point that was found: its projection to the tangent plane of the surface with normals, where a step along the surface costs what
-    /// it turns. Zero for degenerate triangles.
+    /// The part of a displacement in R^K along the surface at a point that was found: its
+    /// projection to the tangent plane of the surface with normals, where a step along the surface
+    /// costs what it turns. Zero for degenerate triangles.
     pub(super) fn along(&self, c: &Closest, d: &Vector<f64, K>) -> Vector<f64, K> {
         let v = self.surface.triangles[c.face as usize].v.map(|v| &self.surface.vertices[v as usize].y);
         let (e, f) = (sub(v[1], v[0]), sub(v[2], v[0]));
@@ -211,9 +221,8 @@ impl<'a, const K: usize> ClosestOnSurface<'a, K> {
     }
 
     /// A point of an edge or vertex as one of the lowest triangle there. Off a convex part of a
-    /// surface whole regions are closest to
-    /// an edge: which of its triangles is named would be a matter of rounding, and what is along
-    /// the surface depends on it.
+    /// surface whole regions are closest to an edge: which of its triangles is named would be a
+    /// matter of rounding, and what is along the surface depends on it.
     fn lowest(&self, c: Closest) -> Closest {
         let triangles = &self.surface.triangles;
         let corners = triangles[c.face as usize].v;
@@ -272,7 +281,8 @@ fn gram<const K: usize>([a, b, c]: &[Vector<f64, K>; 3]) -> [f64; 6] {
     [dot(a, a), dot(a, b), dot(b, b), dot(a, c), dot(b, c), dot(c, c)]
 }
 
-/// The point of a triangle closest to another, from the scalar products of its edges and of the way there from its first corner: inside, else the best of its three sides.
+/// The point of a triangle closest to another, from the scalar products of its edges and of the way
+/// there from its first corner: inside, else the best of its three sides.
 fn closest(face: u32, [bb, bc, cc, db, dc, dd]: [f64; 6]) -> Closest {
     // |p - z|^2 at barycentric coordinates (1 - v - w, v, w).
     let squared = |v: f64, w: f64| {

@@ -1,7 +1,10 @@
-//! Neighbours that do not agree: parts of the target whose images lie elsewhere on the source than those of all their neighbours.
+//! Neighbours that do not agree: parts of the target whose images lie elsewhere on the source than
+//! those of all their neighbours.
 //!
-//! A relaxation is smooth over the target, and yet an image may end nearest to another part of the source, across a gap between two limbs. Edges of the target that are torn so are cut; what then hangs
-//! together with nothing else, and has no anchor that says it belongs there, is an island, and takes its place from the shores around it.
+//! A relaxation is smooth over the target, and yet an image may end nearest to another part of the
+//! source, across a gap between two limbs. Edges of the target that are torn so are cut; what then
+//! hangs together with nothing else, and has no anchor that says it belongs there, is an island,
+//! and takes its place from the shores around it.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -13,9 +16,11 @@ use crate::surface::vector::{Vector, add_scaled};
 
 /// An edge whose image is longer than this many times itself, both at unit area, is torn ...
 const TORN: f64 = 4.0;
-/// ... if it is longer than this many mean edges of the target, too: short edges stretch much for little.
+/// ... if it is longer than this many mean edges of the target, too: short edges stretch much for
+/// little.
 const LEAST: f64 = 2.0;
-/// An island is at most this part of its component and has at most so many vertices: what is larger is no matter of neighbours.
+/// An island is at most this part of its component and has at most so many vertices: what is larger
+/// is no matter of neighbours.
 const PART: usize = 50;
 const MOST: usize = 2000;
 /// Averages over an island after it was filled.
@@ -30,8 +35,9 @@ pub(super) struct Islands<'a, const K: usize> {
 }
 
 impl<const K: usize> Islands<'_, K> {
-    /// Gives islands other images and returns the number of vertices that have one now; `near` holds the triangle of the source each image is nearest to. An island is moved only if fewer of its
-    /// edges are torn then. O(F), and what islands take.
+    /// Gives islands other images and returns the number of vertices that have one now; `near`
+    /// holds the triangle of the source each image is nearest to. An island is moved only if fewer
+    /// of its edges are torn then. O(F), and what islands take.
     pub(super) fn reseat(&self, z: &mut [Vector<f64, K>], near: &mut [u32]) -> usize {
         let neighbours = self.neighbours();
         let places: Vec<Option<DVec3>> = (0..z.len()).into_par_iter().map(|v| self.place(&z[v], near[v])).collect();
@@ -113,7 +119,8 @@ impl<const K: usize> Islands<'_, K> {
         (0..t.vertex_count() as u32).into_par_iter().map(around).collect()
     }
 
-    /// What hangs together by edges that are not torn, is a small part of its component and holds no given image; each rising.
+    /// What hangs together by edges that are not torn, is a small part of its component and holds
+    /// no given image; each rising.
     fn islands(&self, neighbours: &[Vec<u32>], torn: impl Fn(usize, usize) -> bool) -> Vec<Vec<u32>> {
         let component = &self.shapes.target.topology.vertex_component;
         let mut seen = vec![false; neighbours.len()];

@@ -1,18 +1,22 @@
 //! The anchors that judge predictions: those that lie apart.
 //!
-//! Anchors are often set in clusters, a face full of them and few on the back. Left out of a cluster an anchor is found again by its neighbours whatever the prediction, and so many easy votes would choose
-//! predictions for a surface that is mostly far from any anchor.
+//! Anchors are often set in clusters, a face full of them and few on the back. Left out of a
+//! cluster an anchor is found again by its neighbours whatever the prediction, and so many easy
+//! votes would choose predictions for a surface that is mostly far from any anchor.
 
 use super::predict::Known;
 use crate::surface::vector::distance_squared;
 
-/// Anchors that cover a surface of unit area evenly, `k` of them, lie about `1 / sqrt k` apart; one that is nearer than this part of it to those taken repeats them. Sets spread by farthest points are taken whole.
+/// Anchors that cover a surface of unit area evenly, `k` of them, lie about `1 / sqrt k` apart; one
+/// that is nearer than this part of it to those taken repeats them. Sets spread by farthest points
+/// are taken whole.
 const APART: f64 = 0.4;
 /// As many judge in any case: fewer say little.
 const FEWEST: usize = 8;
 
 impl<const D: usize> Known<D> {
-    /// The anchors that lie apart, where those are not all: farthest points of the embedding, until the next one repeats. O(n k).
+    /// The anchors that lie apart, where those are not all: farthest points of the embedding, until
+    /// the next one repeats. O(n k).
     pub(super) fn judges(&self) -> Option<Self> {
         let n = self.a.len();
         let mut kept = Vec::new();

@@ -1,9 +1,14 @@
-//! Correspondence by a field: an image in R^K for every vertex of the target, predicted from the anchors and relaxed onto the source, interpolated between them.
+//! Correspondence by a field: an image in R^K for every vertex of the target, predicted from the
+//! anchors and relaxed onto the source, interpolated between them.
 //!
-//! Weighted averages ([`super::correspondence::WeightedAverages`]) solve an inverse problem at every point, and their averages end off the surface by as much as the two
-//! embeddings disagree. Here every *vertex* of the target gets a point `z = (y, lambda x)`: `y` predicted in the embedding, which does not care about poses, `x` in space, which is exact where the
-//! poses agree; `lambda` and the mixture of predictions are chosen by what anchors say that are left out. Then `z` is drawn onto the source by displacements that are smooth over the target, anchors
-//! staying where they are. A point between vertices is interpolated and projected (Phong projection of Panozzo et al. 2013, in more dimensions): no pass over the anchors.
+//! Weighted averages ([`super::correspondence::WeightedAverages`]) solve an inverse problem at
+//! every point, and their averages end off the surface by as much as the two embeddings disagree.
+//! Here every *vertex* of the target gets a point `z = (y, lambda x)`: `y` predicted in the
+//! embedding, which does not care about poses, `x` in space, which is exact where the poses agree;
+//! `lambda` and the mixture of predictions are chosen by what anchors say that are left out. Then
+//! `z` is drawn onto the source by displacements that are smooth over the target, anchors staying
+//! where they are. A point between vertices is interpolated and projected (Phong projection of
+//! Panozzo et al. 2013, in more dimensions): no pass over the anchors.
 
 pub(super) mod closest;
 mod islands;
@@ -43,9 +48,11 @@ use crate::surface::{NearestVertex, PackedImage, PackedPoint, PhongSurface, Poin
 
 /// Bounds of lambda, where one of the two predictions is exact.
 const LAMBDA: [f64; 2] = [0.05, 20.0];
-/// Errors of anchors left out below this say no more than rounding, over the square root of the area.
+/// Errors of anchors left out below this say no more than rounding, over the square root of the
+/// area.
 const EXACT: f64 = 1e-6;
-/// A projection this many edges farther than 1.5 times the closest point is one onto another part of the surface.
+/// A projection this many edges farther than 1.5 times the closest point is one onto another part
+/// of the surface.
 const GUARD: f64 = 0.5;
 /// Points handled by one task.
 const CHUNK: usize = 512;
@@ -53,7 +60,8 @@ const CHUNK: usize = 512;
 /// What a field is made of.
 #[derive(Clone, Copy, Debug)]
 pub struct FieldOptions {
-    /// Whether the images of vertices are drawn onto the source. Default true; without it a change of anchors costs far less.
+    /// Whether the images of vertices are drawn onto the source. Default true; without it a change
+    /// of anchors costs far less.
     pub relax: bool,
     /// Whether points get a confidence. Default true.
     pub confidence: bool,
@@ -74,11 +82,14 @@ pub struct FieldReport {
     pub spatial: Vec<(&'static str, f64)>,
     /// Weight of places in space.
     pub lambda: f64,
-    /// For each anchor how far the others would have missed it, over the square root of the source's area; empty where no anchor was left out.
+    /// For each anchor how far the others would have missed it, over the square root of the
+    /// source's area; empty where no anchor was left out.
     pub left_out: Vec<f64>,
-    /// Vertices whose images lay apart from those of their neighbours and took their place from these.
+    /// Vertices whose images lay apart from those of their neighbours and took their place from
+    /// these.
     pub reseated: usize,
-    /// Triangles of the target that the relaxation turned over, and those that are so still after the repair.
+    /// Triangles of the target that the relaxation turned over, and those that are so still after
+    /// the repair.
     pub turned: [usize; 2],
 }
 
@@ -94,7 +105,8 @@ pub struct Field<S: Real, const K: usize> {
     triangles: Vec<[u32; 3]>,
     /// Image of each vertex of the target, in the frame and edges of the source.
     z: Vec<Vector<S, K>>,
-    /// For each vertex of the target a vertex of the source, for each triangle a triangle, to start from.
+    /// For each vertex of the target a vertex of the source, for each triangle a triangle, to start
+    /// from.
     starts: Vec<u32>,
     start_faces: Vec<u32>,
     /// For each vertex of the target the error to be expected; empty without evidence.
@@ -144,8 +156,10 @@ fn usual_error(anchors: usize) -> f64 {
 }
 
 impl<S: Real> Field<S, 4> {
-    /// Radial basis functions in space ([`Method::Rbf`](crate::surface::correspondence::Method::Rbf)), the images relaxed onto the source as those of a field are: what the relaxation does for a
-    /// prediction that knows nothing of surfaces. No embeddings are needed, and no point gets a confidence.
+    /// Radial basis functions in space
+    /// ([`Method::Rbf`](crate::surface::correspondence::Method::Rbf)), the images relaxed onto the
+    /// source as those of a field are: what the relaxation does for a prediction that knows nothing
+    /// of surfaces. No embeddings are needed, and no point gets a confidence.
     ///
     /// # Errors
     /// If the system of the radial basis functions or the relaxation breaks down.
@@ -167,7 +181,8 @@ impl<S: Real> Field<S, 4> {
 }
 
 impl<S: Real, const K: usize> Field<S, K> {
-    /// Predicts and relaxes the images of all vertices of the target, for one set of anchors: see [`FieldPair::field`].
+    /// Predicts and relaxes the images of all vertices of the target, for one set of anchors: see
+    /// [`FieldPair::field`].
     ///
     /// # Errors
     /// As there, and as [`FieldPair::new`].
@@ -191,7 +206,8 @@ impl<S: Real, const K: usize> Field<S, K> {
             return Err(Error::input("there are no anchors", "Give at least one pair, better twenty or more"));
         };
         let ratio = (embedded.error() + EXACT) / (spatial.error() + EXACT);
-        // Weights by errors would be their ratio; its square relies on the better one more than that, and maps are better for it (docs/methods.md).
+        // Weights by errors would be their ratio; its square relies on the better one more than
+        // that, and maps are better for it (docs/methods.md).
         let lambda = if ratio.is_finite() { (ratio * ratio).clamp(LAMBDA[0], LAMBDA[1]) } else { 1.0 };
         let image = |v: usize| {
             let vertex = &from.surface.vertices[v];
@@ -213,7 +229,8 @@ impl<S: Real, const K: usize> Field<S, K> {
             error: if spatial.error().is_finite() { spatial.error() } else { usual_error(known.a.len()) },
         };
         let mut field = Self::drawn(shapes, predicted, anchors, options.relax)?;
-        // A step along the surface is this much longer in both spaces together, and so is what a projection is off by.
+        // A step along the surface is this much longer in both spaces together, and so is what a
+        // projection is off by.
         field.unit /= (1.0 + lambda * lambda).sqrt();
 
         // What anchors left out would have missed, on the surface.
@@ -248,7 +265,8 @@ impl<S: Real, const K: usize> Field<S, K> {
         Ok(field)
     }
 
-    /// The field of a prediction, drawn onto the source if so asked. It vouches for every point, since nothing is known of errors.
+    /// The field of a prediction, drawn onto the source if so asked. It vouches for every point,
+    /// since nothing is known of errors.
     fn drawn(shapes: &Shapes<'_>, predicted: Predicted<'_, K>, anchors: &AnchorPairs, relaxed: bool) -> Result<Self> {
         let triangles = shapes.target.topology.triangles.clone();
         // Sequential work beside the prediction.
@@ -380,7 +398,8 @@ impl<S: Real, const K: usize> Field<S, K> {
         }
     }
 
-    /// Where the search for the image of a point of a triangle of the target starts: three vertices of the source and a triangle.
+    /// Where the search for the image of a point of a triangle of the target starts: three vertices
+    /// of the source and a triangle.
     pub fn starts_of(&self, face: u32) -> [u32; 4] {
         let [a, b, c] = self.triangles[face as usize].map(|v| self.starts[v as usize]);
         [a, b, c, self.start_faces[face as usize]]
@@ -391,7 +410,8 @@ impl<S: Real, const K: usize> Field<S, K> {
         image.face != NONE && image.distance_squared.to_f64().sqrt() <= GUARD
     }
 
-    /// The closest point of the source to what is interpolated, if the projection is much farther from it: then that leads astray.
+    /// The closest point of the source to what is interpolated, if the projection is much farther
+    /// from it: then that leads astray.
     fn guarded(&self, z: &Vector<S, K>, image: Projection<S>) -> Projection<S> {
         if self.stays_near(&image) {
             return image;
@@ -454,7 +474,8 @@ fn middle<const K: usize>(z: &[Vector<f64, K>], t: [u32; 3]) -> Vector<f64, K> {
     combine(&[1.0 / 3.0; 3], t.map(|v| &z[v as usize]))
 }
 
-/// The triangle of the source from which the images of a triangle's points are looked for. The repair must begin where the field does, or turns back other images than it projects.
+/// The triangle of the source from which the images of a triangle's points are looked for. The
+/// repair must begin where the field does, or turns back other images than it projects.
 fn start_face<const K: usize>(
     closest: &ClosestOnSurface<'_, K>,
     z: &[Vector<f64, K>],
@@ -464,7 +485,8 @@ fn start_face<const K: usize>(
     closest.follow_from((&middle(z, t), &FLAT), starts[t[0] as usize]).map_or(NONE, |c| c.face)
 }
 
-/// How much more anchors left out are made to count where there are few: four determine an affine map of space, and a mixture fits what so few say by chance.
+/// How much more anchors left out are made to count where there are few: four determine an affine
+/// map of space, and a mixture fits what so few say by chance.
 fn few(anchors: usize) -> f64 {
     if anchors > 4 { anchors as f64 / (anchors - 4) as f64 } else { f64::INFINITY }
 }

@@ -97,7 +97,8 @@ impl<const D: usize> Side<D> {
     }
 }
 
-/// Two surfaces embedded in R^D, made ready for fields: their tangents, and the bending energy of the target. An anchor that is moved, added or taken away leaves all of this as it is.
+/// Two surfaces embedded in R^D, made ready for fields: their tangents, and the bending energy of
+/// the target. An anchor that is moved, added or taken away leaves all of this as it is.
 #[derive(Debug)]
 pub struct FieldPair<'a, const D: usize> {
     pub(super) shapes: Shapes<'a>,
@@ -118,7 +119,8 @@ impl<'a, const D: usize> FieldPair<'a, D> {
         Ok(Self { from: sides.0?, to: sides.1?, shapes: shapes? })
     }
 
-    /// The field through these anchors. `O(V n D^2)` for the prediction, three numerical factorisations and 18 rounds of closest points for the relaxation.
+    /// The field through these anchors. `O(V n D^2)` for the prediction, three numerical
+    /// factorisations and 18 rounds of closest points for the relaxation.
     ///
     /// # Errors
     /// If there is no anchor, or the relaxation breaks down.

@@ -1,4 +1,5 @@
-//! Where each vertex of the target may go: several predictions, the best of them chosen by what they say of anchors left out.
+//! Where each vertex of the target may go: several predictions, the best of them chosen by what
+//! they say of anchors left out.
 
 use glam::DVec3;
 use nalgebra::DMatrix;
@@ -35,7 +36,8 @@ pub(super) struct Predictor<'a, const D: usize, const M: usize> {
     /// For the report: predictions and their weights in the mixture.
     pub(super) parts: Vec<(&'static str, f64)>,
     predict: Prediction<'a, D, M>,
-    /// How much lengths grow; predictions with a scale differ in nothing else. `None` for those without.
+    /// How much lengths grow; predictions with a scale differ in nothing else. `None` for those
+    /// without.
     scale: Option<f64>,
     /// Predicted minus given, anchor by anchor.
     pub(super) left_out: Vec<[f64; M]>,
@@ -73,15 +75,17 @@ impl<'a, const D: usize, const M: usize> Predictor<'a, D, M> {
     }
 }
 
-/// The mixture of all with the smallest error of left out anchors: nonnegative weights that sum to one (stacking; Breiman, 1996). Predictions err in different directions, so
-/// that a mixture is better than the best of them. `None` if there are none.
+/// The mixture of all with the smallest error of left out anchors: nonnegative weights that sum to
+/// one (stacking; Breiman, 1996). Predictions err in different directions, so that a mixture is
+/// better than the best of them. `None` if there are none.
 fn mixed<const D: usize, const M: usize>(all: Vec<Predictor<'_, D, M>>) -> Option<Predictor<'_, D, M>> {
     let usable: Vec<Predictor<'_, D, M>> = if all.iter().any(|p| p.error().is_finite()) {
         all.into_iter().filter(|p| p.error().is_finite()).collect()
     } else {
         return all.into_iter().next();
     };
-    // The anchors that the best one predicts worst say more about themselves than about predictions.
+    // The anchors that the best one predicts worst say more about themselves than about
+    // predictions.
     let best = usable.iter().min_by(|x, y| x.error().total_cmp(&y.error()))?;
     let size = |e: &[f64; M]| e.iter().map(|x| x * x).sum::<f64>();
     let mut order: Vec<usize> = (0..best.misses().len()).collect();
@@ -118,7 +122,8 @@ fn weighted<'e, const M: usize>(weights: &[f64], errors: impl Iterator<Item = &'
     sum
 }
 
-/// Makes one of the predictions that differ in their scale: being affine in it, their mixture is the same prediction with the mean scale, at half the cost.
+/// Makes one of the predictions that differ in their scale: being affine in it, their mixture is
+/// the same prediction with the mean scale, at half the cost.
 fn join_scales<const D: usize, const M: usize>(parts: &mut Vec<(Predictor<'_, D, M>, f64)>) {
     let scaled = || parts.iter().filter_map(|(p, w)| p.scale.map(|s| (s, *w)));
     let weight: f64 = scaled().map(|(_, w)| w).sum();
@@ -133,7 +138,8 @@ fn join_scales<const D: usize, const M: usize>(parts: &mut Vec<(Predictor<'_, D,
     });
 }
 
-/// The weights `w >= 0`, `sum w = 1`, that minimise `w' G w` for a positive semidefinite G: weight is shifted between two at a time. Those below a fiftieth are dropped.
+/// The weights `w >= 0`, `sum w = 1`, that minimise `w' G w` for a positive semidefinite G: weight
+/// is shifted between two at a time. Those below a fiftieth are dropped.
 fn mixture(gram: &[Vec<f64>]) -> Vec<f64> {
     let n = gram.len();
     let mut w = vec![1.0 / n as f64; n];
@@ -160,7 +166,8 @@ fn mixture(gram: &[Vec<f64>]) -> Vec<f64> {
     w
 }
 
-/// Gives each prediction what the same one misses the anchors that judge by. What these are too few for is dropped.
+/// Gives each prediction what the same one misses the anchors that judge by. What these are too few
+/// for is dropped.
 fn judged<'a, const D: usize, const M: usize>(
     all: Vec<Predictor<'a, D, M>>,
     judges: Option<Vec<Predictor<'_, D, M>>>,
@@ -195,7 +202,8 @@ impl<const D: usize> Known<D> {
         self.a.iter().map(|a| phi(distance_squared(a, y).sqrt())).collect()
     }
 
-    /// How much wider the anchors stand on the source than on the target: not 1 at unit area where one surface is a part of the other, or has a tail the other lacks.
+    /// How much wider the anchors stand on the source than on the target: not 1 at unit area where
+    /// one surface is a part of the other, or has a tail the other lacks.
     fn scale<const M: usize>(&self, from: &[Vector<f64, M>], to: &[Vector<f64, M>]) -> f64 {
         let spread = |x: &[Vector<f64, M>]| {
             let mean = x.iter().fold([0.0; M], |sum, p| add_scaled(&sum, 1.0 / x.len() as f64, p));
@@ -379,7 +387,8 @@ mod tests {
         // Two equal errors in opposite directions cancel; a third, larger one is not needed.
         let w = mixture(&[vec![1.0, -1.0, 0.5], vec![-1.0, 1.0, -0.5], vec![0.5, -0.5, 9.0]]);
         assert!((w[0] - 0.5).abs() < 1e-9 && (w[1] - 0.5).abs() < 1e-9 && w[2] == 0.0, "{w:?}");
-        // Independent errors are weighted by the inverse of their squares; one that only repeats a better one is dropped.
+        // Independent errors are weighted by the inverse of their squares; one that only repeats a
+        // better one is dropped.
         let w = mixture(&[vec![1.0, 0.0], vec![0.0, 4.0]]);
         assert!((w[0] - 0.8).abs() < 1e-9 && (w[1] - 0.2).abs() < 1e-9, "{w:?}");
         assert_eq!(mixture(&[vec![1.0, 2.0], vec![2.0, 4.0]]), [1.0, 0.0]);

@@ -2,13 +2,16 @@
 
 use nalgebra::DMatrix;
 
-/// Singular values of the polynomial part below this fraction of the largest count as zero: anchors in a plane do not determine a map of space across it, and
-/// the part of least norm is taken. Ten times what is left of flatness 1e7 sizes from the origin.
+/// Singular values of the polynomial part below this fraction of the largest count as zero: anchors
+/// in a plane do not determine a map of space across it, and the part of least norm is taken. Ten
+/// times what is left of flatness 1e7 sizes from the origin.
 const RANK: f64 = 1e-7;
-/// What is taken off the diagonal of the kernel, in parts of its largest entry, so that coinciding centres do not make it singular.
+/// What is taken off the diagonal of the kernel, in parts of its largest entry, so that coinciding
+/// centres do not make it singular.
 const RIDGE: f64 = 1e-10;
 
-/// `f(x) = sum c_i phi(x, i) + p(x) . d` with `f(x_i)` given, `sum c_i p(x_i) = 0`, and what each value would be if it were not given.
+/// `f(x) = sum c_i phi(x, i) + p(x) . d` with `f(x_i)` given, `sum c_i p(x_i) = 0`, and what each
+/// value would be if it were not given.
 #[derive(Clone, Debug)]
 pub(super) struct Radial {
     /// `c`, one row a centre.
@@ -20,10 +23,11 @@ pub(super) struct Radial {
 }
 
 impl Radial {
-    /// Fits `values` (a row per centre); `kernel` holds `phi` between centres, negative semidefinite on vectors orthogonal to the columns of `polynomials` (a row per centre).
+    /// Fits `values` (a row per centre); `kernel` holds `phi` between centres, negative
+    /// semidefinite on vectors orthogonal to the columns of `polynomials` (a row per centre).
     ///
-    /// Leaving out one centre at a time costs nothing: the error is `c_i` over the diagonal entry of the system's inverse (Rippa, 1999). `None` if the system is
-    /// singular. O(n^3).
+    /// Leaving out one centre at a time costs nothing: the error is `c_i` over the diagonal entry
+    /// of the system's inverse (Rippa, 1999). `None` if the system is singular. O(n^3).
     pub(super) fn fit(kernel: &DMatrix<f64>, polynomials: &DMatrix<f64>, values: &DMatrix<f64>) -> Option<Self> {
         let n = kernel.nrows();
         // The decomposition does not end on what is not finite.
@@ -49,7 +53,8 @@ impl Radial {
         let polynomial = DMatrix::from_fn(polynomials.ncols(), values.ncols(), |q, m| {
             kept.iter().enumerate().map(|(k, &s)| vt[(s, q)] / svd.singular_values[s] * solved[(n + k, m)]).sum()
         });
-        // Where the polynomials alone fit every value there is nothing to learn from leaving one out.
+        // Where the polynomials alone fit every value there is nothing to learn from leaving one
+        // out.
         let least = 1e-12 * inverse.view((0, 0), (n, n)).amax();
         let left_out = DMatrix::from_fn(n, values.ncols(), |i, m| {
             let d = inverse[(i, i)];

@@ -13,7 +13,8 @@ use crate::surface::vector::{Vector, add_scaled, combine, sub};
 
 /// Stiffnesses, in parts of the first one, and how many steps are made with each.
 const STAGES: [(f64, usize); 3] = [(1.0, 4), (0.1, 6), (0.003, 8)];
-/// The first stiffness is this over the square root of the number of anchors, to the fourth power: a part of the distance between anchors at unit area.
+/// The first stiffness is this over the square root of the number of anchors, to the fourth power:
+/// a part of the distance between anchors at unit area.
 const BEND: f64 = 0.25;
 /// The stiffness that keeps anchors, in mean masses of a vertex.
 const ANCHOR: f64 = 1e6;
@@ -36,7 +37,8 @@ pub(super) fn stiffness(anchors: usize) -> f64 {
     (BEND / (anchors.max(1) as f64).sqrt()).powi(4)
 }
 
-/// The smoothing systems of all stages, of which `apart` anchors lie apart: sequential factorisations, side by side.
+/// The smoothing systems of all stages, of which `apart` anchors lie apart: sequential
+/// factorisations, side by side.
 pub(super) fn factors(bending: &Bending, ties: &[Tie], apart: usize) -> Result<Vec<SparseCholesky>> {
     let (stiffest, weight) = (stiffness(apart), pin_weight(bending));
     STAGES.par_iter().map(|(part, _)| bending.factorise(stiffest * part, ties, weight)).collect()
@@ -47,16 +49,21 @@ fn pin_weight(bending: &Bending) -> f64 {
     ANCHOR * bending.mass.iter().sum::<f64>() / bending.mass.len().max(1) as f64
 }
 
-/// Moves the images `z` of the target's vertices onto the source, all by displacements `d` that are smooth over the target:
-/// `(M N + eps L' M^-1 L + K) d = M (P - z) + K (to - z)`, P the closest points, N the projector across the surface there, K holding the pins, eps falling. `bending` is the target's at unit area,
-/// `triangles` are its own and the source's.
+/// Moves the images `z` of the target's vertices onto the source, all by displacements `d` that are
+/// smooth over the target: `(M N + eps L' M^-1 L + K) d = M (P - z) + K (to - z)`, P the closest
+/// points, N the projector across the surface there, K holding the pins, eps falling. `bending` is
+/// the target's at unit area, `triangles` are its own and the source's.
 ///
-/// Only what leads *across* the surface is asked of a displacement (registration by tangent planes; Chen and Medioni, 1992); along it smoothness, anchors and normals alone decide. N couples all
-/// coordinates, so the system is not solved but iterated with the steps: `M d` stands on the left for `M N d`, and what the last step did along the surface, `M (1 - N) d`, on the right. One solve
-/// a step, and where steps no longer change they are those of the whole system. What it gains over pulling to the points themselves stands in docs/methods.md.
+/// Only what leads *across* the surface is asked of a displacement (registration by tangent planes;
+/// Chen and Medioni, 1992); along it smoothness, anchors and normals alone decide. N couples all
+/// coordinates, so the system is not solved but iterated with the steps: `M d` stands on the left
+/// for `M N d`, and what the last step did along the surface, `M (1 - N) d`, on the right. One
+/// solve a step, and where steps no longer change they are those of the whole system. What it gains
+/// over pulling to the points themselves stands in docs/methods.md.
 ///
-/// Gives the triangle of the source each image is nearest to. 18 steps. The closest points, with normals ([`Relief`]), begin exactly and follow their point from then on; at each
-/// stiffness they are looked for once more.
+/// Gives the triangle of the source each image is nearest to. 18 steps. The closest points, with
+/// normals ([`Relief`]), begin exactly and follow their point from then on; at each stiffness they
+/// are looked for once more.
 pub(super) fn relax<const K: usize>(
     bending: &Bending,
     source: &ClosestOnSurface<'_, K>,

@@ -1,7 +1,10 @@
-//! Normals as coordinates: what keeps a relaxation on the right side of a fold and on the right slope of a bump.
+//! Normals as coordinates: what keeps a relaxation on the right side of a fold and on the right
+//! slope of a bump.
 //!
-//! The closest point alone lets images slide along the source. Where the target, bent as its images lie in space, faces another way than the source there, the image is at the wrong place; so
-//! normals are compared as well (as in non-rigid registration); what that gains stands in docs/methods.md.
+//! The closest point alone lets images slide along the source. Where the target, bent as its images
+//! lie in space, faces another way than the source there, the image is at the wrong place; so
+//! normals are compared as well (as in non-rigid registration); what that gains stands in
+//! docs/methods.md.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -9,8 +12,9 @@ use rayon::prelude::*;
 use super::closest::{Closest, FLAT, Normal};
 use crate::surface::vector::Vector;
 
-/// How much a turn by a radian counts, in parts of the error to be expected of a prediction: where predictions are poor, normals may move images far, and where they are good, the little by
-/// which two shapes differ must not.
+/// How much a turn by a radian counts, in parts of the error to be expected of a prediction: where
+/// predictions are poor, normals may move images far, and where they are good, the little by which
+/// two shapes differ must not.
 const WEIGHT: f64 = 2.0;
 
 /// The normals of a source, and how those of a target are compared with them.
@@ -31,7 +35,8 @@ impl Relief {
         Self { source, weight, sign: 1.0 }
     }
 
-    /// Learns from the first closest points whether the pair is mirrored. Surfaces whose normals agree nowhere (triangles that are not oriented alike) get none.
+    /// Learns from the first closest points whether the pair is mirrored. Surfaces whose normals
+    /// agree nowhere (triangles that are not oriented alike) get none.
     pub(super) fn orient(&mut self, target: &[Normal], closest: &[Option<Closest>], triangles: &[[u32; 3]]) {
         let (mut sum, mut total) = (0.0, 0.0);
         for (n, c) in target.iter().zip(closest) {
@@ -48,7 +53,8 @@ impl Relief {
         }
     }
 
-    /// The weighted normals of the target bent so that its vertices lie at the part of `z` in space.
+    /// The weighted normals of the target bent so that its vertices lie at the part of `z` in
+    /// space.
     pub(super) fn of<const K: usize>(&self, z: &[Vector<f64, K>], triangles: &[[u32; 3]]) -> Vec<Normal> {
         const { assert!(K >= 4) };
         let positions: Vec<DVec3> = z.par_iter().map(|z| DVec3::new(z[K - 4], z[K - 3], z[K - 2])).collect();

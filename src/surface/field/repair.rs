@@ -1,8 +1,11 @@
 //! Turning back the few triangles whose image is turned over.
 //!
-//! Such triangles lie where a relaxation folds: around details much smaller than the error of a map (lids, nails, lips) and at creases of the source. The vertices around them get new images: in a flat chart of the
-//! source around the old ones ([`chart`]) the triangles are untangled ([`untangle`]), then moved where the surface, which is not flat, turns them still, and at last each vertex goes back as far as it can
-//! ([`upright`]), so that a map loses nothing that it need not.
+//! Such triangles lie where a relaxation folds: around details much smaller than the error of a map
+//! (lids, nails, lips) and at creases of the source. The vertices around them get new images: in a
+//! flat chart of the source around the old ones ([`chart`]) the triangles are untangled
+//! ([`untangle`]), then moved where the surface, which is not flat, turns them still, and at last
+//! each vertex goes back as far as it can ([`upright`]), so that a map loses nothing that it need
+//! not.
 
 mod chart;
 mod untangle;
@@ -27,9 +30,12 @@ use crate::surface::vector::Vector;
 
 /// Rings around turned triangles that may move, at most.
 const RINGS: usize = 6;
-/// Ways to begin, one after the other with all rings: at the present images or (1) at averages; the triangles right in the chart as well as on the surface, or (2, 3) on the surface alone; at last (4) without a change in the chart first.
+/// Ways to begin, one after the other with all rings: at the present images or (1) at averages; the
+/// triangles right in the chart as well as on the surface, or (2, 3) on the surface alone; at last
+/// (4) without a change in the chart first.
 const WAYS: usize = 5;
-/// Triangles of patches that are worked on at most, all in all, beside a quarter of the target's: what bounds a repair.
+/// Triangles of patches that are worked on at most, all in all, beside a quarter of the target's:
+/// what bounds a repair.
 const WORK: usize = 50_000;
 /// A map that turns more than one triangle of so many is not one to be repaired.
 const HOPELESS: usize = 10;
@@ -74,8 +80,9 @@ struct Way {
 }
 
 impl<const K: usize> Images<'_, K> {
-    /// Gives the vertices of turned triangles new images, then those of rings around them where that does not help. A patch is kept only if fewer of its triangles are turned. Vertices of `held` stay.
-    /// `O(F)`, and what turned triangles take, within bounds.
+    /// Gives the vertices of turned triangles new images, then those of rings around them where
+    /// that does not help. A patch is kept only if fewer of its triangles are turned. Vertices of
+    /// `held` stay. `O(F)`, and what turned triangles take, within bounds.
     pub(super) fn repair(&mut self, held: &[bool]) -> Repaired {
         let source = self.shapes.source;
         let normals = vertex_normals(source.mesh, source.topology);
@@ -108,7 +115,8 @@ impl<const K: usize> Images<'_, K> {
                     tasks.push((patch, around, corners, reached));
                 }
             }
-            // Patches share no vertex and have no vertex of another one as a corner, so that they do not depend on each other.
+            // Patches share no vertex and have no vertex of another one as a corner, so that they
+            // do not depend on each other.
             let this = &*self;
             let found: Vec<_> = tasks.par_iter().map(|t| this.untangled(&t.0, &t.1, &seen, &normals, way)).collect();
             for ((patch, _, corners, reached), images) in tasks.into_iter().zip(found) {
@@ -179,7 +187,8 @@ impl<const K: usize> Images<'_, K> {
         Some((self.image(&p, normals), p))
     }
 
-    /// The image of a point of the source itself: where its surface is creased sharply, the projection of a point need not be that point.
+    /// The image of a point of the source itself: where its surface is creased sharply, the
+    /// projection of a point need not be that point.
     fn projected(&self, p: &SurfacePoint, normals: &[DVec3]) -> Option<Image> {
         let c = Closest { face: p.face, x: p.barycentric, distance_squared: 0.0 };
         let image = self.source.project_near(&self.closest.point(&c), p.face, &[self.closest.vertex(&c); 3]);
@@ -192,7 +201,8 @@ impl<const K: usize> Images<'_, K> {
         (self.shapes.source_point(p), normal_at(mesh, normals, p))
     }
 
-    /// The vertices within some rings of triangles, the held ones left out, by connected patches; each rising.
+    /// The vertices within some rings of triangles, the held ones left out, by connected patches;
+    /// each rising.
     fn patches(&self, triangles: &[usize], rings: usize, held: &[bool]) -> Vec<Vec<usize>> {
         let t = &self.shapes.target.topology;
         let mut inside = vec![false; self.z.len()];
@@ -256,7 +266,8 @@ impl<const K: usize> Images<'_, K> {
         around
     }
 
-    /// New images of the vertices of a patch, the other corners of the triangles around it staying; `None` if there is no chart for them, or no way to place them in it.
+    /// New images of the vertices of a patch, the other corners of the triangles around it staying;
+    /// `None` if there is no chart for them, or no way to place them in it.
     fn untangled(
         &self,
         patch: &[usize],
@@ -329,7 +340,8 @@ mod tests {
     use crate::surface::NearestVertex;
     use crate::surface::correspondence::Shape;
 
-    /// Repairs the identity of a closed surface, some images pushed along it by `push`; gives what the repair says and how far images are from where they belong, in edges.
+    /// Repairs the identity of a closed surface, some images pushed along it by `push`; gives what
+    /// the repair says and how far images are from where they belong, in edges.
     fn repaired(mirror: bool, push: &[(usize, f64)], held: &[usize]) -> (Repaired, Vec<f64>) {
         let source = lobed_sphere(3, 0.3);
         let mut target = source.clone();

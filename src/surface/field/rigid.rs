@@ -13,7 +13,8 @@ const WIDE: f64 = 0.3;
 /// Squared length, at unit area, over which the wider fit looks.
 const WIDTH: f64 = 0.02;
 
-/// The image of `y` under the orthogonal map, times `scale`, and shift that fit the anchors `a -> b` with weights `|y - a_i|^-4`, anchor `skip` left out.
+/// The image of `y` under the orthogonal map, times `scale`, and shift that fit the anchors `a ->
+/// b` with weights `|y - a_i|^-4`, anchor `skip` left out.
 pub(super) fn rigid<const D: usize>(
     y: &Vector<f64, D>,
     (a, b): (&[Vector<f64, D>], &[Vector<f64, D>]),
@@ -52,8 +53,9 @@ pub(super) struct Turn {
     pub(super) scale: f64,
 }
 
-/// The image of the point `x` of space, `y` in the embedding, under a rotation and shift fitted to the anchors' places `s -> t` in space; how near anchors are is told
-/// by the embedding, so that an arm does not drag the hip. Anchor `skip` is left out.
+/// The image of the point `x` of space, `y` in the embedding, under a rotation and shift fitted to
+/// the anchors' places `s -> t` in space; how near anchors are is told by the embedding, so that an
+/// arm does not drag the hip. Anchor `skip` is left out.
 pub(super) fn rigid_in_space<const D: usize>(
     (y, x): (&Vector<f64, D>, DVec3),
     a: &[Vector<f64, D>],

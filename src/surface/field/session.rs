@@ -33,8 +33,10 @@ pub enum Edit {
 
 /// A field while its anchors are edited.
 ///
-/// [`FieldSession::edit`] is the fast form, for dragging: what all anchors together chose (predictions, lambda) stays, and the images follow by one smooth displacement from where they are
-/// and one step towards the source. Of the factorised system only the columns of anchors that moved on the target are solved for. [`FieldSession::settle`] makes the whole field anew, as for
+/// [`FieldSession::edit`] is the fast form, for dragging: what all anchors together chose
+/// (predictions, lambda) stays, and the images follow by one smooth displacement from where they
+/// are and one step towards the source. Of the factorised system only the columns of anchors that
+/// moved on the target are solved for. [`FieldSession::settle`] makes the whole field anew, as for
 /// these anchors from the start. Both surfaces and the factors are kept throughout.
 #[derive(Debug)]
 pub struct FieldSession<'a, S: Real, const D: usize, const K: usize> {
@@ -49,7 +51,8 @@ pub struct FieldSession<'a, S: Real, const D: usize, const K: usize> {
 }
 
 impl<'a, S: Real, const D: usize, const K: usize> FieldSession<'a, S, D, K> {
-    /// Makes the field of `anchors` and what edits need: one factorisation and a solve for each anchor.
+    /// Makes the field of `anchors` and what edits need: one factorisation and a solve for each
+    /// anchor.
     ///
     /// # Errors
     /// As [`FieldPair::field`] and [`AnchorPairs::check`].
@@ -73,10 +76,12 @@ impl<'a, S: Real, const D: usize, const K: usize> FieldSession<'a, S, D, K> {
         &self.anchors
     }
 
-    /// Makes the changes in order and lets the images follow. Gives the triangles of the target whose images moved, rising. `O(V n)` and a solve for each anchor that is new on the target.
+    /// Makes the changes in order and lets the images follow. Gives the triangles of the target
+    /// whose images moved, rising. `O(V n)` and a solve for each anchor that is new on the target.
     ///
     /// # Errors
-    /// If there is no such pair, a point is not on its mesh, or no anchor is left; then nothing has changed.
+    /// If there is no such pair, a point is not on its mesh, or no anchor is left; then nothing has
+    /// changed.
     pub fn edit(&mut self, edits: &[Edit]) -> Result<Vec<u32>> {
         let (mut anchors, mut columns) = (self.anchors.clone(), self.columns.clone());
         for edit in edits {
@@ -131,7 +136,8 @@ impl<'a, S: Real, const D: usize, const K: usize> FieldSession<'a, S, D, K> {
         Ok((0..n).map(|v| x[(v, 0)]).collect())
     }
 
-    /// Moves the images so that each anchor has its own: `A d = M (P - z) + sum X lambda`, `X' d = to - here`.
+    /// Moves the images so that each anchor has its own: `A d = M (P - z) + sum X lambda`, `X' d =
+    /// to - here`.
     fn follow(&mut self, anchors: &AnchorPairs, columns: &[Vec<f64>]) -> Result<Vec<u32>> {
         let (pair, field) = (&self.pair, &self.field);
         let corners = |i: usize| pair.shapes.target.topology.triangles[anchors.target[i].face as usize];

@@ -27,7 +27,8 @@ fn pairs(source: &Mesh, target: &Mesh, vertices: &[u32]) -> AnchorPairs {
     AnchorPairs { source: points(source), target: points(target) }
 }
 
-/// Distances between the images of all vertices and the source's vertices of the same number, over the source's size, and the statuses.
+/// Distances between the images of all vertices and the source's vertices of the same number, over
+/// the source's size, and the statuses.
 fn errors(source: &Mesh, target: &Mesh, vertices: &[u32], relax: bool) -> (Vec<f64>, Vec<PackedImage>) {
     let ((st, se), (tt, te)) = (embedded(source), embedded(target));
     let shape = |mesh, topology, embedding| Shape { mesh, topology, embedding: Some(embedding) };

@@ -4,10 +4,12 @@ use crate::engine::{BindingKind, Kernel, Layout, UNIFORM_BLOCK};
 use crate::kernel_layout as layout;
 use crate::surface::correspondence::{AVERAGE_SCALE, WeightedAverages};
 
-/// Anchors that fit a uniform block: two vectors of R^8 each. With more, a dispatch works on one block at a time.
+/// Anchors that fit a uniform block: two vectors of R^8 each. With more, a dispatch works on one
+/// block at a time.
 pub const BLOCK_ANCHORS: usize = UNIFORM_BLOCK as usize / 64;
 
-/// Vectors of R^8 written per point: the average on the source, the average of the target's own anchors, the point.
+/// Vectors of R^8 written per point: the average on the source, the average of the target's own
+/// anchors, the point.
 pub(super) const VECTORS: usize = 3;
 
 /// Parameters of the kernel; twin of the struct in `shaders/average_anchors.wgsl`.
@@ -29,7 +31,8 @@ const LAYOUTS: &[Layout] = &[layout!(AverageParams, {
     anchors, first, last, transported, scale, corrected, unused0, unused1, transport
 })];
 
-/// Both averages: on the source, and of the target's own anchors for corrections and the round trip. All anchors in one dispatch.
+/// Both averages: on the source, and of the target's own anchors for corrections and the round
+/// trip. All anchors in one dispatch.
 pub(super) static AVERAGE_ANCHORS: Kernel = variant(&[("OWN", 1.0), ("PART", 0.0)]);
 /// The average on the source alone.
 static AVERAGE_ONCE: Kernel = variant(&[("OWN", 0.0), ("PART", 0.0)]);

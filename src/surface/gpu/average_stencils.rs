@@ -1,4 +1,5 @@
-//! Host half of the kernel `average_stencils`, and averages of surface points on a device, step by step between two buffers.
+//! Host half of the kernel `average_stencils`, and averages of surface points on a device, step by
+//! step between two buffers.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -72,7 +73,8 @@ impl DeviceStencils {
     /// Puts a surface on the device of `engine`.
     ///
     /// # Errors
-    /// [`Error::Input`](crate::Error::Input) if there is an obstacle; [`Error::Memory`](crate::Error::Memory), [`Error::Capability`](crate::Error::Capability) or
+    /// [`Error::Input`](crate::Error::Input) if there is an obstacle;
+    /// [`Error::Memory`](crate::Error::Memory), [`Error::Capability`](crate::Error::Capability) or
     /// [`Error::Device`](crate::Error::Device) if it does not fit.
     pub fn new(engine: &Engine, surface: &PhongSurface<f32, 8>) -> Result<Self> {
         let gpu = device(engine, AVERAGE_STENCILS.name)?;
@@ -84,13 +86,19 @@ impl DeviceStencils {
         Ok(Self { engine: engine.clone(), tables, starts })
     }
 
-    /// `steps` times the averages of all rows, each step of the points that the one before made: the points after each step. `begin` is a point near each row's average, where its searches start.
-    /// With more than one step there are as many rows as points. What the kernels leave, and what lies beyond a boundary, is found by `rest` from the points before and the row.
+    /// `steps` times the averages of all rows, each step of the points that the one before made:
+    /// the points after each step. `begin` is a point near each row's average, where its searches
+    /// start. With more than one step there are as many rows as points. What the kernels leave, and
+    /// what lies beyond a boundary, is found by `rest` from the points before and the row.
     ///
-    /// The steps go back and forth between two buffers; the host only looks at what was left. In single precision: within about 1e-5 mean edges of [`Forward::averages`](crate::surface::forward::Forward::averages) where both take the same of several projections.
+    /// The steps go back and forth between two buffers; the host only looks at what was left. In
+    /// single precision: within about 1e-5 mean edges of
+    /// [`Forward::averages`](crate::surface::forward::Forward::averages) where both take the same
+    /// of several projections.
     ///
     /// # Errors
-    /// [`Error::Memory`](crate::Error::Memory), [`Error::Capability`](crate::Error::Capability) or [`Error::Device`](crate::Error::Device) from the device.
+    /// [`Error::Memory`](crate::Error::Memory), [`Error::Capability`](crate::Error::Capability) or
+    /// [`Error::Device`](crate::Error::Device) from the device.
     pub fn steps(
         &self,
         points: &[SurfacePoint],
@@ -140,7 +148,8 @@ impl DeviceStencils {
                 now[r] = rest(before, r);
             }
             if !left.is_empty() && done + 1 < steps {
-                // What was sent after it took what is not there: once more, from the mended step on.
+                // What was sent after it took what is not there: once more, from the mended step
+                // on.
                 while ring.pop()?.is_some() {}
                 let mended: Vec<Projected> = now.iter().map(|p| Projected::of(PackedPoint::from(*p))).collect();
                 gpu.write(&sides[done % 2].results, 0, &mended)?;
@@ -174,7 +183,8 @@ impl DeviceStencils {
     }
 }
 
-/// The rows as the kernel reads them, and the most entries of one. A row's own point comes last, unless it alone is the average or has no weight.
+/// The rows as the kernel reads them, and the most entries of one. A row's own point comes last,
+/// unless it alone is the average or has no weight.
 fn packed(rows: &Stencils) -> (Vec<u32>, usize) {
     let n = rows.len();
     let mut table = vec![0u32; n + 1];

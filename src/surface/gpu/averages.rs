@@ -44,8 +44,9 @@ impl DeviceMap<WeightedAverages<f32, 8>> {
     /// Puts a map on the device of `engine`.
     ///
     /// # Errors
-    /// [`Error::Input`](crate::Error::Input) if there is an obstacle ([`Self::obstacle`]); [`Error::Memory`](crate::Error::Memory),
-    /// [`Error::Capability`](crate::Error::Capability) or [`Error::Device`](crate::Error::Device) if it does not fit.
+    /// [`Error::Input`](crate::Error::Input) if there is an obstacle ([`Self::obstacle`]);
+    /// [`Error::Memory`](crate::Error::Memory), [`Error::Capability`](crate::Error::Capability) or
+    /// [`Error::Device`](crate::Error::Device) if it does not fit.
     pub fn new(engine: &Engine, map: WeightedAverages<f32, 8>) -> Result<Self> {
         let gpu = device(engine, AVERAGE_ANCHORS.name)?;
         let target = SurfaceTables::new(gpu, "target", &map.target)?;
@@ -99,7 +100,8 @@ impl DeviceMap<WeightedAverages<f32, 8>> {
         let back = if map.own_starts.is_empty() {
             None
         } else {
-            // The average of the target's own anchors back onto the target, measured from the point itself.
+            // The average of the target's own anchors back onto the target, measured from the point
+            // itself.
             let back = ProjectParams::new::<8>(gpu.capabilities(), &target, VECTORS, [1, 2])?;
             Some(Projection::new::<8, _>(gpu, capacity, back, &averages, &points, &target, &own_starts)?)
         };

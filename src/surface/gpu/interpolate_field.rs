@@ -40,11 +40,13 @@ impl DeviceMap<Field<f32, 12>> {
         obstacle(engine, INTERPOLATE_FIELD.name, dimension)
     }
 
-    /// Puts a field on the device of `engine`. What its guard looks at closer goes through the reference.
+    /// Puts a field on the device of `engine`. What its guard looks at closer goes through the
+    /// reference.
     ///
     /// # Errors
-    /// [`Error::Input`](crate::Error::Input) if there is an obstacle ([`Self::obstacle`]); [`Error::Memory`](crate::Error::Memory),
-    /// [`Error::Capability`](crate::Error::Capability) or [`Error::Device`](crate::Error::Device) if it does not fit.
+    /// [`Error::Input`](crate::Error::Input) if there is an obstacle ([`Self::obstacle`]);
+    /// [`Error::Memory`](crate::Error::Memory), [`Error::Capability`](crate::Error::Capability) or
+    /// [`Error::Device`](crate::Error::Device) if it does not fit.
     pub fn new(engine: &Engine, map: Field<f32, 12>) -> Result<Self> {
         const BYTES: usize = size_of::<[f32; 12]>();
         let gpu = device(engine, INTERPOLATE_FIELD.name)?;

@@ -17,12 +17,14 @@ use crate::surface::field::FieldReport;
 use crate::surface::packed::{PackedImage, PackedPoint, PointMap};
 use crate::surface::project::Projection;
 
-/// A map on the CPU whose images the kernels can find: what they found is judged here, and what they left goes through [`PointMap::map`].
+/// A map on the CPU whose images the kernels can find: what they found is judged here, and what
+/// they left goes through [`PointMap::map`].
 pub trait HostMap: PointMap + Debug {
     /// Triangles of the target.
     fn face_count(&self) -> usize;
 
-    /// The image of a point that was projected to `image`, `round_trip` being the distance of its second projection from where it should be, in edges. `None` where it needs the reference.
+    /// The image of a point that was projected to `image`, `round_trip` being the distance of its
+    /// second projection from where it should be, in edges. `None` where it needs the reference.
     fn judge(&self, point: PackedPoint, image: &Projection<f32>, round_trip: Option<f64>) -> Option<PackedImage>;
 }
 
@@ -33,7 +35,8 @@ pub struct DeviceMap<M> {
     map: M,
     tile: Mutex<Tile>,
     left: AtomicU64,
-    // Tables and parameters, counted against the memory budget as long as bind groups refer to them.
+    // Tables and parameters, counted against the memory budget as long as bind groups refer to
+    // them.
     _tables: Box<dyn Any + Send + Sync>,
 }
 
@@ -49,7 +52,8 @@ pub(super) fn device<'a>(engine: &'a Engine, first: &str) -> Result<&'a Gpu> {
     engine.gpu().ok_or_else(|| refuse("there is no device".into()))
 }
 
-/// Why `engine` cannot run a map whose images the kernel `first` makes, over embeddings of this dimension; `None` if it can.
+/// Why `engine` cannot run a map whose images the kernel `first` makes, over embeddings of this
+/// dimension; `None` if it can.
 pub(super) fn obstacle(engine: &Engine, first: &str, dimension: usize) -> Option<String> {
     if let Some(stage) = [first, PROJECT_PHONG.name].into_iter().find(|s| engine.gpu_for(s).is_none()) {
         return Some(format!("{stage} runs on the CPU"));

@@ -1,4 +1,5 @@
-//! The correspondence on a device: host halves of the kernels of the main job, in R^8 and, for fields, R^12.
+//! The correspondence on a device: host halves of the kernels of the main job, in R^8 and, for
+//! fields, R^12.
 //!
 //! | kernel | what it does | reference |
 //! |---|---|---|
@@ -57,8 +58,9 @@ fn padded(shape: &Shape<'_>) -> Option<Embedding> {
     Some(Embedding { dimension: 8, points, ..embedding.clone() })
 }
 
-/// The map from the target to the source where `engine` works: on its device, or on the CPU in the engine's precision. Where there is a device that
-/// cannot do this work, the CPU does it and the second value says why, in one line.
+/// The map from the target to the source where `engine` works: on its device, or on the CPU in the
+/// engine's precision. Where there is a device that cannot do this work, the CPU does it and the
+/// second value says why, in one line.
 ///
 /// # Errors
 /// As [`correspondence`], and if the tables do not fit the device.

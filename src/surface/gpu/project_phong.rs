@@ -35,7 +35,8 @@ pub struct Projected {
     pub b1: f32,
     /// Squared distance of the projection from the reference point.
     pub distance_squared: f32,
-    /// In the two lowest bits a [`Found`](crate::surface::project::Found) as a number, or [`Projected::LEFT`].
+    /// In the two lowest bits a [`Found`](crate::surface::project::Found) as a number, or
+    /// [`Projected::LEFT`].
     pub found: u32,
 }
 
@@ -109,7 +110,8 @@ const BINDINGS: &[BindingKind] = &[
 ];
 
 impl ProjectParams {
-    /// The projection of vector `point` of the `vectors` of each entry, in R^D, its distance measured from vector `reference`.
+    /// The projection of vector `point` of the `vectors` of each entry, in R^D, its distance
+    /// measured from vector `reference`.
     pub(super) fn new<const D: usize>(
         c: &Capabilities,
         surface: &SurfaceTables,
@@ -119,7 +121,8 @@ impl ProjectParams {
         let limits = SearchLimits::FIRST;
         // Two walks over triangles, and the choice among three start vertices.
         let newton = 2 * u64::from(limits.triangle_steps) * (NEWTON_STEPS as u64 + 1) + 5;
-        // Half the budget for the walk over vertices; what it does not bring to an end goes through the reference.
+        // Half the budget for the walk over vertices; what it does not bring to an end goes through
+        // the reference.
         let most = u64::from(surface.most_stops) + 1;
         let vertex_steps = (u64::from(c.loop_budget) / 2 / most).min(u64::from(limits.vertex_steps));
         c.check_loops("project_phong", newton + vertex_steps * most)?;

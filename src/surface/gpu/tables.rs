@@ -53,7 +53,8 @@ pub struct SurfaceTables {
     pub most_near: u32,
 }
 
-/// Longest neighbourhood held; a longer one (around vertices with very many triangles) is left to the reference, as an empty one.
+/// Longest neighbourhood held; a longer one (around vertices with very many triangles) is left to
+/// the reference, as an empty one.
 const MOST_NEAR: usize = 512;
 
 impl SurfaceTables {
@@ -65,7 +66,8 @@ impl SurfaceTables {
         let mut stops = Vec::new();
         let mut near: Vec<u32> = Vec::new();
         let (mut most_stops, mut most_near) = (0, 0);
-        // Of each vertex its point, the two rows of its tangent basis, and one texel: its first stop and their number, the first texel of its neighbourhood and the triangles in it.
+        // Of each vertex its point, the two rows of its tangent basis, and one texel: its first
+        // stop and their number, the first texel of its neighbourhood and the triangles in it.
         let mut vertices = Vec::with_capacity(surface.vertices.len() * (3 * D / 4 + 1));
         for (vertex, v) in surface.vertices.iter().zip(0..) {
             let first = stops.len();
@@ -94,7 +96,8 @@ impl SurfaceTables {
                 gauge: t.gauge.map(|g| [g.c, g.s]),
             })
             .collect();
-        // What rules out projections on a triangle at once: centre, basis, and a texel with reach and spread.
+        // What rules out projections on a triangle at once: centre, basis, and a texel with reach
+        // and spread.
         let mut bounds = Vec::with_capacity(surface.bounds.len() * (3 * D / 4 + 1));
         for b in &surface.bounds {
             append_rows(&[b.centre, b.basis[0], b.basis[1]], &mut bounds);
@@ -121,8 +124,8 @@ pub(super) fn append_rows<const D: usize>(rows: &[[f32; D]], texels: &mut Vec<[u
     }
 }
 
-/// Appends the stops around `v`: its fan as chains of triangles, each beginning with a stop that closes no triangle. Every
-/// neighbour occurs, and every triangle of the fan once.
+/// Appends the stops around `v`: its fan as chains of triangles, each beginning with a stop that
+/// closes no triangle. Every neighbour occurs, and every triangle of the fan once.
 fn around<const D: usize>(surface: &PhongSurface<f32, D>, v: u32, stops: &mut Vec<Stop>) {
     // Of each triangle the two other vertices, in its orientation.
     let mut left: Vec<(u32, u32, u32)> = surface

@@ -1,4 +1,5 @@
-//! A tile of points on a device: the dispatches that make their images in the embedding, and the projections of those.
+//! A tile of points on a device: the dispatches that make their images in the embedding, and the
+//! projections of those.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -24,7 +25,8 @@ const SMALL_TILE: usize = 16_384;
 /// Time two tiles, the one before included, may take before the next is made smaller.
 const TILE_TIME: Duration = Duration::from_millis(400);
 
-/// Points a tile holds where each takes `vectors` bytes of vectors and is projected `projections` times.
+/// Points a tile holds where each takes `vectors` bytes of vectors and is projected `projections`
+/// times.
 pub(super) fn capacity(gpu: &Gpu, vectors: usize, projections: usize) -> usize {
     // Results with their staging copies, and a list.
     let bytes = size_of::<PackedPoint>() + vectors + projections * (3 * size_of::<Projected>() + 4);

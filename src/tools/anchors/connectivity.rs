@@ -1,7 +1,10 @@
-//! Meshes of the same connectivity, a character and its posed or sculpted copy: there the vertices themselves say what corresponds.
+//! Meshes of the same connectivity, a character and its posed or sculpted copy: there the vertices
+//! themselves say what corresponds.
 //!
-//! Programs renumber vertices and triangles when they write a file, so nothing is taken from numbers: each component is walked over triangle by triangle (`geometry::isomorphism`). A
-//! symmetric mesh can be laid upon itself in several ways; the one nearest to the map by the given pairs is meant, if that can tell.
+//! Programs renumber vertices and triangles when they write a file, so nothing is taken from
+//! numbers: each component is walked over triangle by triangle (`geometry::isomorphism`). A
+//! symmetric mesh can be laid upon itself in several ways; the one nearest to the map by the given
+//! pairs is meant, if that can tell.
 
 use std::collections::HashMap;
 
@@ -12,7 +15,8 @@ use crate::geometry::isomorphism::{Dart, Walker, colours};
 use crate::geometry::{NONE, SurfacePoint, Topology};
 use crate::surface::AnchorPairs;
 
-/// A way of laying a component upon another must be as near to the map by the given pairs, in the median over the area, over the square root of the area.
+/// A way of laying a component upon another must be as near to the map by the given pairs, in the
+/// median over the area, over the square root of the area.
 const NEAR: f64 = 0.05;
 /// The next best way must be farther than this many times the best one.
 const CLEARER: f64 = 2.0;
@@ -20,11 +24,13 @@ const CLEARER: f64 = 2.0;
 const ELSEWHERE: f64 = 0.03;
 /// Crumbs of more components than this are not compared: each looks at all others.
 const MOST_COMPONENTS: usize = 1000;
-/// Vertices of the source that are tried as the image of the first one, the nearest to where the map sends it.
+/// Vertices of the source that are tried as the image of the first one, the nearest to where the
+/// map sends it.
 const STARTS: usize = 16;
 
-/// For each vertex of the target the vertex of the source it is, or [`NONE`] where the connectivities differ or do not tell. O(F log F) and, for each component, a look at all vertices of one colour and at
-/// most `2 STARTS` walks for each triangle around a vertex.
+/// For each vertex of the target the vertex of the source it is, or [`NONE`] where the
+/// connectivities differ or do not tell. O(F log F) and, for each component, a look at all vertices
+/// of one colour and at most `2 STARTS` walks for each triangle around a vertex.
 pub(super) fn same_vertices(couple: &Couple<'_>, images: &[Option<SurfacePoint>]) -> Vec<u32> {
     let [source, target] = &couple.sides;
     let (from, to) = (target.topology, source.topology);
@@ -108,7 +114,8 @@ fn darts(topology: &Topology, v: u32) -> impl Iterator<Item = Dart> {
     around.filter_map(move |&triangle| Some(Dart { triangle, corner: topology.corner_of(triangle, v)? }))
 }
 
-/// How far a way of laying the target upon the source is from the map: the median over the area, since one wrong pair spoils the map of a limb.
+/// How far a way of laying the target upon the source is from the map: the median over the area,
+/// since one wrong pair spoils the map of a limb.
 fn off(pairs: &[(u32, u32)], places: &[Option<DVec3>], couple: &Couple<'_>) -> f64 {
     let [source, target] = &couple.sides;
     let apart = |&(v, w): &(u32, u32)| {

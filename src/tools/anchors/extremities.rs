@@ -21,16 +21,20 @@ const LEVEL: f64 = 0.003;
 pub struct Extremity {
     /// The vertex.
     pub vertex: u32,
-    /// Height above the saddle that joins it to a higher peak, at unit area: about the length of the limb.
+    /// Height above the saddle that joins it to a higher peak, at unit area: about the length of
+    /// the limb.
     pub height: f64,
-    /// Radius of the part around it that is hardly lower: how far its place is uncertain, at unit area.
+    /// Radius of the part around it that is hardly lower: how far its place is uncertain, at unit
+    /// area.
     pub extent: f64,
 }
 
 /// The tips of a surface, longest limb first; components too small to carry one have none.
 ///
-/// The average distance to all places (Hilaga et al. 2001) grows along every limb towards its tip. Each of its peaks is followed down to the saddle where a higher
-/// one takes over; what rises less than 0.012 of the square root of the area is left out, so that a sphere has none. O(128 V log V).
+/// The average distance to all places (Hilaga et al. 2001) grows along every limb towards its tip.
+/// Each of its peaks is followed down to the saddle where a higher one takes over; what rises less
+/// than 0.012 of the square root of the area is left out, so that a sphere has none. O(128 V log
+/// V).
 pub(super) fn extremities(side: &Side<'_>, geodesics: &Geodesics) -> Vec<Extremity> {
     let n = side.positions.len();
     let mut average = vec![0.0; n];
@@ -54,8 +58,8 @@ pub(super) fn extremities(side: &Side<'_>, geodesics: &Geodesics) -> Vec<Extremi
     found
 }
 
-/// Peaks of a function on the vertices with their persistence (0-dimensional, of superlevel sets), highest persistence first. The highest of each component persists
-/// to its lowest value.
+/// Peaks of a function on the vertices with their persistence (0-dimensional, of superlevel sets),
+/// highest persistence first. The highest of each component persists to its lowest value.
 pub(super) fn peaks(side: &Side<'_>, f: &[f64], level: f64) -> Vec<Extremity> {
     let n = f.len();
     let mut order: Vec<u32> = (0..n as u32).filter(|&v| side.topology.vertex_component[v as usize] != NONE).collect();
@@ -98,7 +102,8 @@ pub(super) fn peaks(side: &Side<'_>, f: &[f64], level: f64) -> Vec<Extremity> {
     out
 }
 
-/// Greatest distance from `peak` of the part around it that is lower by at most `level`; looked at up to a quarter of the square root of the area.
+/// Greatest distance from `peak` of the part around it that is lower by at most `level`; looked at
+/// up to a quarter of the square root of the area.
 fn extent(side: &Side<'_>, f: &[f64], peak: u32, level: f64) -> f64 {
     let mut seen = std::collections::BTreeSet::from([peak]);
     let mut stack = vec![peak];

@@ -1,10 +1,14 @@
-//! Anchors: a full set from a few pairs or none, the pairs that contradict the others, and where the next ones would help most.
+//! Anchors: a full set from a few pairs or none, the pairs that contradict the others, and where
+//! the next ones would help most.
 //!
-//! Where both meshes have the same connectivity (a character and its posed copy, whatever the numbers of its vertices) the pairs are the vertices themselves.
+//! Where both meshes have the same connectivity (a character and its posed copy, whatever the
+//! numbers of its vertices) the pairs are the vertices themselves.
 //!
-//! Else a pair taken from the current map says nothing new, so every proposal rests on the relief of both surfaces: how each differs from smoothed copies of itself. The images of the map by the
-//! given pairs are *registered*: they slide over the source until the relief around image and vertex agree, smoothly, given pairs held; places are taken far from one another where the registrations in
-//! both directions agree.
+//! Else a pair taken from the current map says nothing new, so every proposal rests on the relief
+//! of both surfaces: how each differs from smoothed copies of itself. The images of the map by the
+//! given pairs are *registered*: they slide over the source until the relief around image and
+//! vertex agree, smoothly, given pairs held; places are taken far from one another where the
+//! registrations in both directions agree.
 
 mod connectivity;
 mod extremities;
@@ -96,7 +100,8 @@ impl Proposal {
 pub struct AnchorOptions {
     /// Pairs wanted in all, the given ones included. Default 64.
     pub count: usize,
-    /// Whether meshes of the same connectivity, however numbered, get the same vertices as pairs. Default true; false goes by the shape alone.
+    /// Whether meshes of the same connectivity, however numbered, get the same vertices as pairs.
+    /// Default true; false goes by the shape alone.
     pub connectivity: bool,
 }
 
@@ -106,14 +111,18 @@ impl Default for AnchorOptions {
     }
 }
 
-/// A full set of anchors from `seeds`, which may be empty: then tips of limbs are matched first ([`Proposal::ambiguity`] tells what that left open).
+/// A full set of anchors from `seeds`, which may be empty: then tips of limbs are matched first
+/// ([`Proposal::ambiguity`] tells what that left open).
 ///
-/// Given pairs are kept as they are. Fewer than `count` are proposed where the surfaces have no more features in common. The same input gives the same
-/// pairs for any number of threads. A few maps by the method `field`, and two registrations where the connectivities differ: seconds for 13,000 vertices on two cores.
+/// Given pairs are kept as they are. Fewer than `count` are proposed where the surfaces have no
+/// more features in common. The same input gives the same pairs for any number of threads. A few
+/// maps by the method `field`, and two registrations where the connectivities differ: seconds for
+/// 13,000 vertices on two cores.
 ///
 /// # Errors
-/// [`Error::Option`] for a count of 0 or above [`MOST`]; [`Error::Input`] if the surfaces have different numbers of components, if there are no seeds and fewer
-/// than four limbs, or if the seeds do not fit.
+/// [`Error::Option`] for a count of 0 or above [`MOST`]; [`Error::Input`] if the surfaces have
+/// different numbers of components, if there are no seeds and fewer than four limbs, or if the
+/// seeds do not fit.
 pub fn propose(
     source: Shape<'_>,
     target: Shape<'_>,
@@ -153,9 +162,11 @@ pub fn propose(
     Ok(proposal)
 }
 
-/// The pairs that the others contradict, worst first: each is where it is sent by all others by more than 0.03 of the square root of the area, four times the median and
-/// 0.8 of the distance to the next pair (2.5 at tips, which no others surround). They are taken out one after the other, so that one wrong pair does not accuse its neighbours. Fewer than six pairs say
-/// nothing about one another, and nothing is named.
+/// The pairs that the others contradict, worst first: each is where it is sent by all others by
+/// more than 0.03 of the square root of the area, four times the median and 0.8 of the distance to
+/// the next pair (2.5 at tips, which no others surround). They are taken out one after the other,
+/// so that one wrong pair does not accuse its neighbours. Fewer than six pairs say nothing about
+/// one another, and nothing is named.
 ///
 /// # Errors
 /// As [`crate::surface::correspondence::correspondence`].

@@ -12,7 +12,8 @@ use crate::surface::{AnchorPairs, PackedPoint};
 pub struct Outlier {
     /// Index of the pair.
     pub index: usize,
-    /// How far from its place on the source the others send it, over the square root of the source's area.
+    /// How far from its place on the source the others send it, over the square root of the
+    /// source's area.
     pub off: f64,
 }
 
@@ -33,7 +34,8 @@ const MOST: usize = 16;
 /// Fewer pairs say nothing about one another.
 const FEWEST: usize = 6;
 
-/// Names the pairs that the others contradict, worst first. What was taken out while another wrong pair accused it is put back in the end.
+/// Names the pairs that the others contradict, worst first. What was taken out while another wrong
+/// pair accused it is put back in the end.
 pub(super) fn outliers(source: Shape<'_>, target: Shape<'_>, pairs: &AnchorPairs) -> Result<Vec<Outlier>> {
     let options =
         CorrespondenceOptions { method: Method::Field, confidence: false, ..CorrespondenceOptions::default() };
@@ -81,7 +83,8 @@ pub(super) fn outliers(source: Shape<'_>, target: Shape<'_>, pairs: &AnchorPairs
     Ok(out)
 }
 
-/// The error beyond which pair `i` counts as wrong beside the pairs `kept`; `usual` is the median error.
+/// The error beyond which pair `i` counts as wrong beside the pairs `kept`; `usual` is the median
+/// error.
 fn bound(at: &[DVec3], kept: &[usize], i: usize, usual: f64) -> f64 {
     let mut others: Vec<DVec3> = kept.iter().filter(|j| **j != i).map(|&j| at[j] - at[i]).collect();
     others.sort_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));

@@ -1,4 +1,6 @@
-//! Proposals: vertices that are the same where connectivities agree; else the map by the pairs there are, registered by relief in both directions, and a choice of places where that is reliable.
+//! Proposals: vertices that are the same where connectivities agree; else the map by the pairs
+//! there are, registered by relief in both directions, and a choice of places where that is
+//! reliable.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -210,7 +212,8 @@ impl Reliability {
     }
 }
 
-/// Adds pairs far from all others where vertices are known to be the same or the registration is reliable.
+/// Adds pairs far from all others where vertices are known to be the same or the registration is
+/// reliable.
 fn place(
     growing: &mut Growing<'_, '_>,
     same: &[u32],
@@ -230,7 +233,8 @@ fn place(
     let by_relief = |v: usize| -> Option<Proposed> {
         let (registration, reliable) = registered?;
         let good = reliable.sigma[v] <= SIGMA && reliable.cycle[v] <= CYCLE;
-        // The two registrations err in different directions: their mean goes half as far as coming back does.
+        // The two registrations err in different directions: their mean goes half as far as coming
+        // back does.
         let between = 0.5 * (target.positions[v] + reliable.back[v]);
         Some(Proposed {
             source: registration.images[v].filter(|_| good)?,

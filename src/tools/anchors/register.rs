@@ -1,4 +1,5 @@
-//! Registration by relief: images of the target's vertices slide over the source until the shape around image and vertex agree.
+//! Registration by relief: images of the target's vertices slide over the source until the shape
+//! around image and vertex agree.
 
 use faer::Mat;
 use glam::{DMat3, DVec3};
@@ -15,7 +16,8 @@ use crate::geometry::cholesky::SparseCholesky;
 const STIFFNESS: [f64; 3] = [1e-4, 1e-5, 3e-6];
 /// Steps of each stiffness.
 const STEPS: usize = 3;
-/// Which channels count: relief at the two finest scales and normals. Coarser relief differs between two bodies for other reasons than misplacement.
+/// Which channels count: relief at the two finest scales and normals. Coarser relief differs
+/// between two bodies for other reasons than misplacement.
 const COUNTS: [f64; CHANNELS] = [1.0, 1.0, 0.0, 0.0, 1.0];
 /// Part of a channel's own size that counts as its least disagreement.
 const FLOOR: f64 = 0.02;
@@ -244,8 +246,9 @@ pub(super) fn register(
     Ok(out)
 }
 
-/// How much the relief of two surfaces disagrees under a map of all vertices of the target, from 0 (congruent) to about 2, a mean over the area; turns of the surface in space do not
-/// count; `handedness` is -1 where reflections do not count either, and turns do.
+/// How much the relief of two surfaces disagrees under a map of all vertices of the target, from 0
+/// (congruent) to about 2, a mean over the area; turns of the surface in space do not count;
+/// `handedness` is -1 where reflections do not count either, and turns do.
 pub(super) fn mismatch_of(
     source: &Side<'_>,
     target: &Side<'_>,

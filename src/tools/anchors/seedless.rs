@@ -19,7 +19,8 @@ const FEWEST: usize = 4;
 const BEAM: usize = 400;
 /// Cost of a tip without a partner.
 const ALONE: f64 = 0.6;
-/// Complete matches that are tried as maps: those whose distances fit as well as the best, up to this much.
+/// Complete matches that are tried as maps: those whose distances fit as well as the best, up to
+/// this much.
 const TRIED: usize = 8;
 const AS_WELL: f64 = 0.35;
 /// Two maps whose relief disagrees by less than this part cannot be told apart by it.
@@ -68,8 +69,10 @@ impl Tips {
 
 /// Matches the tips of two surfaces.
 ///
-/// Assignments are searched by beam: a pair of tips costs the relative difference of its distances to all pairs before it. Distances along the surface do not tell left from right; the few assignments
-/// that fit as well as the best are each made a map, and that whose relief agrees best over the whole surface is taken: a mirrored map shows bumps where there are dents.
+/// Assignments are searched by beam: a pair of tips costs the relative difference of its distances
+/// to all pairs before it. Distances along the surface do not tell left from right; the few
+/// assignments that fit as well as the best are each made a map, and that whose relief agrees best
+/// over the whole surface is taken: a mirrored map shows bumps where there are dents.
 ///
 /// # Errors
 /// If either surface has fewer than four limbs.
@@ -179,7 +182,8 @@ fn anchors(couple: &Couple<'_>, source: &Tips, target: &Tips, m: &Match) -> Anch
     pairs
 }
 
-/// How far the pairs are apart in space as the files have them, both centred: people pose their models alike.
+/// How far the pairs are apart in space as the files have them, both centred: people pose their
+/// models alike.
 fn spatial(couple: &Couple<'_>, pairs: &AnchorPairs) -> f64 {
     let at = |side: usize, points: &[SurfacePoint]| -> Vec<DVec3> {
         let x: Vec<DVec3> = points.iter().map(|p| couple.sides[side].position(p)).collect();

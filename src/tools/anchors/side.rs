@@ -1,4 +1,5 @@
-//! A surface at unit area with what its shape says of each place: relief against smoothed copies of itself, and how that changes along the surface.
+//! A surface at unit area with what its shape says of each place: relief against smoothed copies of
+//! itself, and how that changes along the surface.
 
 use faer::Mat;
 use glam::DVec3;
@@ -80,7 +81,8 @@ impl<'a> Side<'a> {
         (0..3).map(|k| p.barycentric[k] * self.positions[t[k] as usize]).sum()
     }
 
-    /// The closest point of the surface near `from`: downhill from triangle to triangle, so that it stays on the same part.
+    /// The closest point of the surface near `from`: downhill from triangle to triangle, so that it
+    /// stays on the same part.
     pub(super) fn closest_near(&self, to: DVec3, from: SurfacePoint) -> SurfacePoint {
         let on = |face: u32| {
             let x = crate::geometry::closest::closest_barycentric(
@@ -107,7 +109,8 @@ impl<'a> Side<'a> {
         }
     }
 
-    /// Derivatives along the surface of each channel at each vertex, `[channel][component]`: area-weighted means over the triangles around.
+    /// Derivatives along the surface of each channel at each vertex, `[channel][component]`:
+    /// area-weighted means over the triangles around.
     pub(super) fn gradients(&self) -> Vec<[[DVec3; 3]; CHANNELS]> {
         (0..self.positions.len() as u32)
             .into_par_iter()

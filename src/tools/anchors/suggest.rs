@@ -20,10 +20,13 @@ pub struct Suggestion {
 /// Error at which nothing is known.
 const LARGEST: f64 = 1.0;
 
-/// The `count` vertices of the target where another pair would help most, best first; fewer if there are no more apart from the anchors.
+/// The `count` vertices of the target where another pair would help most, best first; fewer if
+/// there are no more apart from the anchors.
 ///
-/// A vertex counts with the larger of the drift that left out anchors foretell there (spread over the surface, it grows with the distance of the nearest anchor) and of
-/// its distance from where the maps there and back lead. A vertex chosen takes its surroundings along: what is nearer to it than to any anchor counts in proportion.
+/// A vertex counts with the larger of the drift that left out anchors foretell there (spread over
+/// the surface, it grows with the distance of the nearest anchor) and of its distance from where
+/// the maps there and back lead. A vertex chosen takes its surroundings along: what is nearer to it
+/// than to any anchor counts in proportion.
 ///
 /// # Errors
 /// As [`correspondence`].
@@ -43,7 +46,8 @@ pub fn suggest(source: Shape<'_>, target: Shape<'_>, pairs: &AnchorPairs, count:
         .map(|v| {
             let image = &there.images[v];
             let Some(p) = image.point() else { return LARGEST };
-            // No confidence at all says that a triangle is turned over, or that there are too few anchors, not by how much the image is off.
+            // No confidence at all says that a triangle is turned over, or that there are too few
+            // anchors, not by how much the image is off.
             let confidence = f64::from(image.confidence);
             let drift = if confidence > 0.0 { half * (1.0 / confidence - 1.0).max(0.0).sqrt() } else { 0.0 };
             let corners = source.topology.triangles[p.face as usize];

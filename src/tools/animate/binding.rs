@@ -1,8 +1,9 @@
 //! Which point of a clip moves which vertex, and where the vertices go.
 //!
-//! A similarity takes the clip to the mesh: it is fitted in one frame, the reference, in which the performer stands as the mesh does. What it leaves
-//! between a marker and its vertex (the thickness of flesh, other proportions) is carried along: it turns as the bone turns or, for markers, as the
-//! markers around turn. In the reference frame every vertex is where it is at rest.
+//! A similarity takes the clip to the mesh: it is fitted in one frame, the reference, in which the
+//! performer stands as the mesh does. What it leaves between a marker and its vertex (the thickness
+//! of flesh, other proportions) is carried along: it turns as the bone turns or, for markers, as
+//! the markers around turn. In the reference frame every vertex is where it is at rest.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -16,7 +17,8 @@ use crate::io::motion::Motion;
 /// Markers whose motion tells how the surface at a marker turns.
 const NEIGHBOURS: usize = 6;
 
-/// Mean distance of joints from their vertices, in diagonals of the mesh, above which a skeleton's pose is not that of the mesh.
+/// Mean distance of joints from their vertices, in diagonals of the mesh, above which a skeleton's
+/// pose is not that of the mesh.
 const APART: f64 = 0.07;
 
 /// One vertex and what moves it.
@@ -53,11 +55,13 @@ pub struct Binding {
 }
 
 impl Binding {
-    /// Binds by given places: the similarity is the one that fits the points to their vertices best (for several vertices of one joint, to their mean).
+    /// Binds by given places: the similarity is the one that fits the points to their vertices best
+    /// (for several vertices of one joint, to their mean).
     ///
     /// # Errors
-    /// [`Error::Input`] for names the clip does not have, vertices the mesh does not have, a point with a gap in the reference frame, or fewer than
-    /// three points at different places, which leave the fit open.
+    /// [`Error::Input`] for names the clip does not have, vertices the mesh does not have, a point
+    /// with a gap in the reference frame, or fewer than three points at different places, which
+    /// leave the fit open.
     pub fn given(motion: &Motion, mesh: &Mesh, places: &[(String, MarkerPlace)], reference: Reference) -> Result<Self> {
         let mut bonds: Vec<Bond> = Vec::new();
         let mut pairs = Vec::new();
@@ -152,8 +156,9 @@ impl Binding {
         points
     }
 
-    /// Where the bound vertices go in each frame of `motion`, a part of the clip `bound` that the binding was made with: `result[frame][bond]`.
-    /// `tracks[frame][k]` is where the `k`-th of [`Binding::points`] is.
+    /// Where the bound vertices go in each frame of `motion`, a part of the clip `bound` that the
+    /// binding was made with: `result[frame][bond]`. `tracks[frame][k]` is where the `k`-th of
+    /// [`Binding::points`] is.
     ///
     /// # Errors
     /// As [`Binding::given`], if the clip is not the one that was bound.
@@ -241,7 +246,8 @@ fn nearest_vertex(mesh: &Mesh, name: &str, p: DVec3) -> Result<u32> {
     Ok(nearest as u32)
 }
 
-/// How far the points are from lying on one line: the area of the largest triangle with the two that are farthest apart, over their distance squared.
+/// How far the points are from lying on one line: the area of the largest triangle with the two
+/// that are farthest apart, over their distance squared.
 fn spread(pairs: &[(DVec3, DVec3)]) -> f64 {
     let Some(first) = pairs.first() else { return 0.0 };
     let far = |from: DVec3| pairs.iter().map(|p| p.0).max_by(|a, b| a.distance(from).total_cmp(&b.distance(from)));

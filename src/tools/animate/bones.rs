@@ -21,7 +21,8 @@ const TUFT: usize = 6;
 struct Bone {
     /// The joint its vertices move with.
     carrier: usize,
-    /// Whether it is one of a tuft of short bones (a hand, a face), whose vertices all move with the joint the tuft hangs on.
+    /// Whether it is one of a tuft of short bones (a hand, a face), whose vertices all move with
+    /// the joint the tuft hangs on.
     short: bool,
     a: DVec3,
     b: DVec3,
@@ -52,8 +53,9 @@ fn bones(
     Ok(bones)
 }
 
-/// Vertices around the bones: at two places along each, four around it; of a tuft of short bones, six that lie far apart. Each vertex belongs to the
-/// bone it is nearest to. Parts without any bound vertex could grow and shrink, because the encoding does not know about size.
+/// Vertices around the bones: at two places along each, four around it; of a tuft of short bones,
+/// six that lie far apart. Each vertex belongs to the bone it is nearest to. Parts without any
+/// bound vertex could grow and shrink, because the encoding does not know about size.
 pub(super) fn around_bones(
     motion: &Motion,
     reference: Reference,

@@ -1,4 +1,5 @@
-//! Which way a body faces: bodies are much alike from the front and from behind, but marker names, toes and the walk itself tell.
+//! Which way a body faces: bodies are much alike from the front and from behind, but marker names,
+//! toes and the walk itself tell.
 
 use std::collections::HashMap;
 
@@ -15,7 +16,8 @@ const ANKLES: [f64; 2] = [0.06, 0.12];
 /// How far the toes must reach before the ankles, in heights.
 const REACH: f64 = 0.008;
 
-/// The name with left and right exchanged, if it tells a side: `LKNE`, `l_knee`, `LeftArm`, `knee.R`.
+/// The name with left and right exchanged, if it tells a side: `LKNE`, `l_knee`, `LeftArm`,
+/// `knee.R`.
 fn other_side(name: &str) -> Option<(bool, String)> {
     for (left, a, b) in [
         (true, "Left", "Right"),
@@ -42,7 +44,8 @@ fn other_side(name: &str) -> Option<(bool, String)> {
     None
 }
 
-/// The direction from right to left in the clip, by points whose names are each other's mirror images.
+/// The direction from right to left in the clip, by points whose names are each other's mirror
+/// images.
 pub(super) fn left_by_names(motion: &Motion, points: &[(usize, DVec3)]) -> Option<DVec3> {
     let at: HashMap<&str, DVec3> = points.iter().map(|(k, p)| (motion.names[*k].as_str(), *p)).collect();
     let pairs = points.iter().filter_map(|(k, p)| {
@@ -55,7 +58,8 @@ pub(super) fn left_by_names(motion: &Motion, points: &[(usize, DVec3)]) -> Optio
     (all.len() >= 2 && sum.length() > 0.5 * all.len() as f64).then(|| sum.normalize())
 }
 
-/// The direction in which the body of the reference pose moves: its velocities in all frames, each turned back by how the body turned till then.
+/// The direction in which the body of the reference pose moves: its velocities in all frames, each
+/// turned back by how the body turned till then.
 pub(super) fn forward_by_walk(motion: &Motion, points: &[(usize, DVec3)]) -> Option<DVec3> {
     let step = motion.frames.len().div_ceil(FRAMES).max(1);
     let pose = |f: usize| -> Vec<(DVec3, DVec3)> {

@@ -65,7 +65,8 @@ impl FrameFolder {
     }
 }
 
-/// `mesh` with its vertices at `positions`. Normals of the file belong to the shape at rest and are left out.
+/// `mesh` with its vertices at `positions`. Normals of the file belong to the shape at rest and are
+/// left out.
 fn moved(mesh: &Mesh, positions: &[DVec3]) -> Result<Mesh> {
     if positions.len() != mesh.vertex_count() {
         let what = format!("{} positions for the {} vertices of {}", positions.len(), mesh.vertex_count(), mesh.name);
@@ -76,12 +77,14 @@ fn moved(mesh: &Mesh, positions: &[DVec3]) -> Result<Mesh> {
     Ok(moved)
 }
 
-/// Pictures of several shapes of one mesh in rows of `columns`, all at the same scale, each with its middle in the middle of its cell.
+/// Pictures of several shapes of one mesh in rows of `columns`, all at the same scale, each with
+/// its middle in the middle of its cell.
 ///
 /// `options` gives the size of a cell and the view. Left to right, top to bottom.
 ///
 /// # Errors
-/// [`Error::Option`] for no shapes, no columns or a sheet larger than [`MAX_SIZE`]; [`Error::Input`] for shapes of another mesh.
+/// [`Error::Option`] for no shapes, no columns or a sheet larger than [`MAX_SIZE`];
+/// [`Error::Input`] for shapes of another mesh.
 pub fn contact_sheet(
     mesh: &Mesh,
     coloring: Coloring<'_>,

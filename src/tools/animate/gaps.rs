@@ -1,8 +1,9 @@
 //! Gaps of markers, closed so that every marker has a position in every frame.
 //!
-//! Short gaps inside the clip are interpolated. Over long ones, and at the ends, a marker is released: it is put where the markers around it carry it,
-//! as if it were fixed to a rigid body together with them, which passes through its last and its next measured position. The set of anchors never
-//! changes, so that nothing is rebuilt.
+//! Short gaps inside the clip are interpolated. Over long ones, and at the ends, a marker is
+//! released: it is put where the markers around it carry it, as if it were fixed to a rigid body
+//! together with them, which passes through its last and its next measured position. The set of
+//! anchors never changes, so that nothing is rebuilt.
 
 use glam::DVec3;
 
@@ -51,10 +52,12 @@ pub struct GapReport {
     pub longest: usize,
 }
 
-/// Positions of the points numbered `points` in every frame: `result[frame][k]` is that of `points[k]`. Only markers with gaps are reported.
+/// Positions of the points numbered `points` in every frame: `result[frame][k]` is that of
+/// `points[k]`. Only markers with gaps are reported.
 ///
-/// A marker is carried by the best rigid motion of its up to six nearest markers between its last (and its next) measured frame and the frame in
-/// question; between the two it goes over from one to the other. Fewer than three neighbours carry it without turning; where there are none it
+/// A marker is carried by the best rigid motion of its up to six nearest markers between its last
+/// (and its next) measured frame and the frame in question; between the two it goes over from one
+/// to the other. Fewer than three neighbours carry it without turning; where there are none it
 /// stays. O(frames * gaps * points).
 ///
 /// # Errors
@@ -95,7 +98,8 @@ pub fn close_gaps(
             reports.push(report);
         }
     }
-    // Neighbours with short gaps count as measured; those that are released themselves do not carry others.
+    // Neighbours with short gaps count as measured; those that are released themselves do not carry
+    // others.
     let known = tracks.clone();
     for (k, gap) in long {
         for f in gap.start..gap.end {
@@ -131,7 +135,8 @@ fn gaps(track: &[Option<DVec3>]) -> Vec<Gap> {
     gaps
 }
 
-/// Fills a gap with positions on both sides. A velocity is the difference to the next measured frame outwards, if there is one beside it.
+/// Fills a gap with positions on both sides. A velocity is the difference to the next measured
+/// frame outwards, if there is one beside it.
 fn interpolate(measured: &[Option<DVec3>], track: &mut [Option<DVec3>], gap: Gap, how: Interpolation) {
     let (Some(a), Some(b)) = (measured[gap.start - 1], measured[gap.end]) else { return };
     let length = (gap.end - gap.start + 1) as f64;
@@ -201,7 +206,8 @@ mod tests {
 
     #[test]
     fn short_gaps_follow_the_curve() {
-        // A cubic in time is reproduced but for the velocities, which are differences; a straight line exactly.
+        // A cubic in time is reproduced but for the velocities, which are differences; a straight
+        // line exactly.
         let line = |f: usize| DVec3::new(f as f64, 2.0 * f as f64, 1.0);
         let curve = |f: usize| DVec3::new((0.1 * f as f64).sin(), 0.0, 0.0);
         let with_gap = |at: &dyn Fn(usize) -> DVec3| -> Vec<Option<DVec3>> {
@@ -225,7 +231,8 @@ mod tests {
 
     #[test]
     fn long_gaps_and_ends_are_carried_by_a_rigid_body_exactly() {
-        // Eight corners of a cube that turns and travels; one is not seen for most of the time, one not at the beginning.
+        // Eight corners of a cube that turns and travels; one is not seen for most of the time, one
+        // not at the beginning.
         let corner = |k: usize| DVec3::new((k & 1) as f64, (k >> 1 & 1) as f64, (k >> 2) as f64);
         let at = |k: usize, f: usize| {
             DQuat::from_rotation_z(0.1 * f as f64) * DQuat::from_rotation_x(0.07 * f as f64) * corner(k)

@@ -1,10 +1,12 @@
-//! A binding without a file: the clip is laid onto the mesh by iterated closest points, then each marker takes the vertex nearest to it, and each bone
-//! takes vertices around it.
+//! A binding without a file: the clip is laid onto the mesh by iterated closest points, then each
+//! marker takes the vertex nearest to it, and each bone takes vertices around it.
 //!
-//! Iterated closest points (Besl, McKay 1992) finds the nearest minimum only. It begins at the height and place of the bounding boxes from eight headings,
-//! with y or z up on either side, and the best end is taken. Points are paired both ways, each point of the clip with the mesh and each sample of the
-//! mesh with the clip: one way alone, a small clip hides inside the body. Both sides are thinned to evenly spread samples first, and a tenth of the
-//! pairs, those farthest apart, have no say (markers on stalks, strays).
+//! Iterated closest points (Besl, McKay 1992) finds the nearest minimum only. It begins at the
+//! height and place of the bounding boxes from eight headings, with y or z up on either side, and
+//! the best end is taken. Points are paired both ways, each point of the clip with the mesh and
+//! each sample of the mesh with the clip: one way alone, a small clip hides inside the body. Both
+//! sides are thinned to evenly spread samples first, and a tenth of the pairs, those farthest
+//! apart, have no say (markers on stalks, strays).
 
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
@@ -20,9 +22,11 @@ use crate::io::motion::{Motion, Segment};
 
 /// Most steps of the iteration.
 const STEPS: usize = 60;
-/// How far the size may go from that of the heights: arms may be held differently, the height hardly.
+/// How far the size may go from that of the heights: arms may be held differently, the height
+/// hardly.
 const GROWTH: f64 = 1.1;
-/// An end that faces as the mesh does is taken if its error (a mean square) is at most so many times the best one's.
+/// An end that faces as the mesh does is taken if its error (a mean square) is at most so many
+/// times the best one's.
 const WORSE: f64 = 4.0;
 /// Ends whose errors are that near are told to be alike.
 const ALIKE: f64 = 1.5;
@@ -40,12 +44,14 @@ const SHORT: f64 = 0.04;
 
 /// Binds the points of `motion` to `mesh` by the shape of the `reference` pose alone.
 ///
-/// The performer must stand in it much as the mesh does; left and right are told by shape only. The residuals tell how well it went: look at them, and at
-/// the picture. Markers without a name of their own (`*17`), with a gap in the reference frame or far from the surface are left out, with a warning.
-/// O(points * vertices).
+/// The performer must stand in it much as the mesh does; left and right are told by shape only. The
+/// residuals tell how well it went: look at them, and at the picture. Markers without a name of
+/// their own (`*17`), with a gap in the reference frame or far from the surface are left out, with
+/// a warning. O(points * vertices).
 ///
 /// # Errors
-/// [`Error::Input`] if fewer than four markers or two bones can be bound; [`Error::Mesh`] without vertices.
+/// [`Error::Input`] if fewer than four markers or two bones can be bound; [`Error::Mesh`] without
+/// vertices.
 pub fn guess(motion: &Motion, mesh: &Mesh, reference: Reference) -> Result<Binding> {
     let used = used_vertices(mesh);
     if used.len() < 4 {
@@ -161,7 +167,8 @@ fn turns() -> Vec<(DMat3, DVec3)> {
         .collect()
 }
 
-/// An end of the iteration: its error (a mean square), the similarity, and the way up of the mesh that it was begun with.
+/// An end of the iteration: its error (a mean square), the similarity, and the way up of the mesh
+/// that it was begun with.
 type End = (f64, Similarity, DVec3);
 
 /// The similarities that lay the clip onto the vertices, best first.
@@ -175,7 +182,8 @@ fn laid_on(clip: &[DVec3], vertices: &[DVec3]) -> Vec<End> {
     ends
 }
 
-/// The best of the ends that face as the mesh does, where that can be told and costs not too much; and a word where it mattered.
+/// The best of the ends that face as the mesh does, where that can be told and costs not too much;
+/// and a word where it mattered.
 fn facing(ends: &[End], facing: &Facing, vertices: &[DVec3], size: f64, warnings: &mut Vec<String>) -> Similarity {
     let (best, fit, _) = ends[0];
     let rms = |error: f64| 100.0 * (0.5 * error).sqrt() / size;
@@ -218,7 +226,8 @@ fn facing(ends: &[End], facing: &Facing, vertices: &[DVec3], size: f64, warnings
     }
 }
 
-/// The pairs of each of `from` with the nearest of `to`, without the tenth that is farthest apart, and the mean of their squared distances.
+/// The pairs of each of `from` with the nearest of `to`, without the tenth that is farthest apart,
+/// and the mean of their squared distances.
 fn pairs(from: &[DVec3], to: &[DVec3]) -> (f64, Vec<(usize, usize)>) {
     let mut pairs: Vec<(f64, usize, usize)> = from
         .iter()

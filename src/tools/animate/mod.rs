@@ -1,6 +1,7 @@
 //! Animation: a mesh set in motion by markers or joints (mean-value encoding, section 4.2).
 //!
-//! Clip → [`Binding`] (which point moves which vertex) → [`close_gaps`] → [`Binding::trajectories`] → [`crate::tools::deform::Deformer::play`].
+//! Clip → [`Binding`] (which point moves which vertex) → [`close_gaps`] → [`Binding::trajectories`]
+//! → [`crate::tools::deform::Deformer::play`].
 
 pub mod binding;
 mod bones;
@@ -27,7 +28,8 @@ pub use guess::guess;
 /// How far the frames are minimised.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FrameQuality {
-    /// As a sequence: the shape in the large is followed, the rest is made afresh for each frame. Tens of frames a second.
+    /// As a sequence: the shape in the large is followed, the rest is made afresh for each frame.
+    /// Tens of frames a second.
     Sequence(SequenceQuality),
     /// Each frame by itself, begun from the one before: a few frames a second.
     Single(Quality),
@@ -55,15 +57,18 @@ impl Default for AnimateOptions {
 pub struct AnimateReport {
     /// Markers with gaps.
     pub gaps: Vec<GapReport>,
-    /// Frames, counted from 0 among those made, to which the one before did not lead: the shape in the large was found anew, and the mesh may jump there.
+    /// Frames, counted from 0 among those made, to which the one before did not lead: the shape in
+    /// the large was found anew, and the mesh may jump there.
     pub found_anew: Vec<usize>,
     /// What is odd but no error.
     pub warnings: Vec<String>,
 }
 
-/// Plays `motion`, a part of the clip `bound` that `binding` was made with, on `mesh`; `frame` receives the frames in order and may end the work with an error.
+/// Plays `motion`, a part of the clip `bound` that `binding` was made with, on `mesh`; `frame`
+/// receives the frames in order and may end the work with an error.
 ///
-/// The first frame begins from the mesh at rest. Markers that stay where they were give the shape of the frame before, bit for bit.
+/// The first frame begins from the mesh at rest. Markers that stay where they were give the shape
+/// of the frame before, bit for bit.
 ///
 /// # Errors
 /// As [`close_gaps`], [`Binding::trajectories`] and [`Deformer`]; what `frame` returns.
@@ -104,7 +109,8 @@ pub fn animate(
     Ok(report)
 }
 
-/// Splits a frame into the rigid motion nearest to it, from the mesh at rest, and the shape that it moves: `frame = rotation shape + shift`.
+/// Splits a frame into the rigid motion nearest to it, from the mesh at rest, and the shape that it
+/// moves: `frame = rotation shape + shift`.
 ///
 /// For files that store the two apart: what a rigid motion explains need not be told by shapes.
 pub fn without_rigid_motion(mesh: &Mesh, frame: &[DVec3]) -> (Vec<Vec3>, (DQuat, DVec3)) {

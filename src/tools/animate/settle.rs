@@ -1,7 +1,8 @@
 //! Markers brought down onto the whole mesh: the fine end of the guess.
 //!
-//! First they slide: distances to the planes of the nearest vertices are made small (Chen, Medioni 1992), so that a marker may pass from vertex to vertex. Then
-//! they meet the vertices themselves (Besl, McKay 1992), which is exact where markers lie on them.
+//! First they slide: distances to the planes of the nearest vertices are made small (Chen, Medioni
+//! 1992), so that a marker may pass from vertex to vertex. Then they meet the vertices themselves
+//! (Besl, McKay 1992), which is exact where markers lie on them.
 
 use glam::{DMat3, DQuat, DVec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
@@ -29,8 +30,9 @@ pub(super) fn normals(mesh: &Mesh, used: &[u32]) -> Vec<DVec3> {
     used.iter().map(|&v| all[v as usize].normalize_or_zero()).collect()
 }
 
-/// The similarity near `start` that lays the markers of `clip` onto the vertices. Markers farther than `far` and a tenth of the others have no say; the
-/// size stays within the factor `growth`, since one way alone a clip would shrink into the surface.
+/// The similarity near `start` that lays the markers of `clip` onto the vertices. Markers farther
+/// than `far` and a tenth of the others have no say; the size stays within the factor `growth`,
+/// since one way alone a clip would shrink into the surface.
 pub(super) fn onto_surface(
     clip: &[DVec3],
     vertices: &[DVec3],
@@ -80,7 +82,8 @@ pub(super) fn onto_surface(
     fit
 }
 
-/// The small similarity that brings points nearest to the planes through others: entries are the point, a point of its plane, and the normal.
+/// The small similarity that brings points nearest to the planes through others: entries are the
+/// point, a point of its plane, and the normal.
 fn sliding(planes: &[[DVec3; 3]]) -> Option<Similarity> {
     let centre = planes.iter().map(|p| p[0]).sum::<DVec3>() / planes.len() as f64;
     let size = (planes.iter().map(|p| p[0].distance_squared(centre)).sum::<f64>() / planes.len() as f64).sqrt();

@@ -10,7 +10,8 @@ use crate::surface::quality::{normal_at, vertex_normals};
 use crate::tools::differential::Differential;
 use crate::tools::vertex_map::VertexMap;
 
-/// Edges whose images are this many times longer than sizes of the meshes let expect lead across a jump of the map.
+/// Edges whose images are this many times longer than sizes of the meshes let expect lead across a
+/// jump of the map.
 const JUMP: f64 = 8.0;
 
 /// Source, target and the map of the target's vertices.

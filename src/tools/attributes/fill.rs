@@ -9,7 +9,8 @@ use crate::error::{Error, Result};
 use crate::geometry::cholesky::SparseCholesky;
 use crate::geometry::{Laplacian, Mesh, NONE, Topology};
 
-/// Weight of the plain edge beside its cotangents: right angles would leave vertices without neighbours.
+/// Weight of the plain edge beside its cotangents: right angles would leave vertices without
+/// neighbours.
 const EDGE_WEIGHT: f64 = 1e-6;
 /// Columns that are solved for at once.
 const COLUMNS: usize = 16;
@@ -30,8 +31,8 @@ pub(super) fn reached(topology: &Topology, known: &[bool]) -> Vec<bool> {
     topology.vertex_component.iter().map(|&c| component.get(c as usize).copied().unwrap_or(false)).collect()
 }
 
-/// Gives the vertices that are connected with `known` ones the values between the known ones whose Dirichlet energy is least: the cotangent
-/// Laplacian is zero there. Known ones keep theirs.
+/// Gives the vertices that are connected with `known` ones the values between the known ones whose
+/// Dirichlet energy is least: the cotangent Laplacian is zero there. Known ones keep theirs.
 ///
 /// # Errors
 /// If memory is lacking.
@@ -48,7 +49,8 @@ pub(crate) fn harmonic(
     }
     let triangles = triangles(topology);
     let stiffness = Laplacian::new(&mesh.positions, &triangles).stiffness;
-    // Off the diagonal, with the weight of the plain edge; a surface of bad angles is filled by plain edges alone.
+    // Off the diagonal, with the weight of the plain edge; a surface of bad angles is filled by
+    // plain edges alone.
     let factor = |cotangents: f64| -> Result<Option<Factor>> {
         let weight = |entry: f64| cotangents * -entry + EDGE_WEIGHT;
         let mut index = vec![NONE; known.len()];
@@ -103,13 +105,15 @@ pub(crate) fn harmonic(
     Ok(())
 }
 
-/// The system of the unknown vertices, and the weights of their known neighbours: unknown, vertex, weight.
+/// The system of the unknown vertices, and the weights of their known neighbours: unknown, vertex,
+/// weight.
 struct Factor {
     matrix: SparseCholesky,
     boundary: Vec<(u32, u32, f64)>,
 }
 
-/// Gives the vertices that are not `known` the values of the nearest known one along edges, the lowest of equals.
+/// Gives the vertices that are not `known` the values of the nearest known one along edges, the
+/// lowest of equals.
 pub(super) fn nearest((mesh, topology): (&Mesh, &Topology), known: &[bool], columns: usize, values: &mut [f64]) {
     let mut edges: Vec<(u32, u32)> = Vec::new();
     for t in triangles(topology) {

@@ -1,7 +1,9 @@
-//! Data of the vertices of one mesh on those of another, through a map between their points: skin weights, colours, scalars, labels, vectors.
+//! Data of the vertices of one mesh on those of another, through a map between their points: skin
+//! weights, colours, scalars, labels, vectors.
 //!
-//! Every vertex of the target takes what the triangle of the source says at its image, each kind of data in its own way
-//! ([`AttributeKind`]); vertices that the map does not vouch for are filled from their neighbours ([`Fill`]).
+//! Every vertex of the target takes what the triangle of the source says at its image, each kind of
+//! data in its own way ([`AttributeKind`]); vertices that the map does not vouch for are filled
+//! from their neighbours ([`Fill`]).
 
 mod carry;
 mod fill;
@@ -18,28 +20,33 @@ use carry::Carrier;
 /// What the numbers of a vertex mean, hence what is done with them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum AttributeKind {
-    /// Amounts, also colours and texture coordinates without seams: linear in the source's triangle.
+    /// Amounts, also colours and texture coordinates without seams: linear in the source's
+    /// triangle.
     #[default]
     Scalars,
-    /// Shares, as of the bones that move a vertex: linear, the largest `keep` of them (all for 0), divided by their sum. Not negative.
+    /// Shares, as of the bones that move a vertex: linear, the largest `keep` of them (all for 0),
+    /// divided by their sum. Not negative.
     Weights {
         /// How many of a vertex may differ from 0.
         keep: usize,
     },
     /// Names, not amounts: in each column the value of the corners that together weigh most.
     Labels,
-    /// Vectors in space, three columns each: turned by the rotation closest to the map's differential, their lengths linear.
+    /// Vectors in space, three columns each: turned by the rotation closest to the map's
+    /// differential, their lengths linear.
     Vectors,
     /// As [`AttributeKind::Vectors`], of unit length.
     Normals,
-    /// A unit vector across the target's smooth normal and, in a fourth column if there is one, the handedness (1 or -1).
+    /// A unit vector across the target's smooth normal and, in a fourth column if there is one, the
+    /// handedness (1 or -1).
     Tangents,
 }
 
 /// What vertices get that the map does not vouch for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Fill {
-    /// The smoothest values between the valid vertices (the cotangent Laplacian is 0 there); labels those of the nearest valid vertex along edges.
+    /// The smoothest values between the valid vertices (the cotangent Laplacian is 0 there); labels
+    /// those of the nearest valid vertex along edges.
     #[default]
     Smooth,
     /// The map's best guess where it has one, else NaN.
@@ -112,14 +119,16 @@ impl AttributeTransfer {
     }
 }
 
-/// Carries `attributes` from the vertices of `source` to those of `target` by `map`, which takes points of the target to points of the source.
+/// Carries `attributes` from the vertices of `source` to those of `target` by `map`, which takes
+/// points of the target to points of the source.
 ///
-/// O(vertices x columns), and where [`Fill::Smooth`] has work, a sparse factorisation of the vertices to fill. The same input gives the same
-/// numbers for any number of threads.
+/// O(vertices x columns), and where [`Fill::Smooth`] has work, a sparse factorisation of the
+/// vertices to fill. The same input gives the same numbers for any number of threads.
 ///
 /// # Errors
-/// If an attribute has another number of values than the source's vertices need, a value that is not finite, a negative weight, or a number of
-/// columns that its kind does not allow; those of the map; a lack of memory.
+/// If an attribute has another number of values than the source's vertices need, a value that is
+/// not finite, a negative weight, or a number of columns that its kind does not allow; those of the
+/// map; a lack of memory.
 pub fn transfer_attributes(
     source: (&Mesh, &Topology),
     target: (&Mesh, &Topology),
@@ -177,11 +186,12 @@ impl AttributeKind {
 }
 
 impl Attribute {
-    /// Whether this can be data of the vertices of `source`; [`transfer_attributes`] asks first of all.
+    /// Whether this can be data of the vertices of `source`; [`transfer_attributes`] asks first of
+    /// all.
     ///
     /// # Errors
-    /// [`Error::Input`] on another number of values, a value that is not finite, a negative weight, or a number of columns that the kind does
-    /// not allow.
+    /// [`Error::Input`] on another number of values, a value that is not finite, a negative weight,
+    /// or a number of columns that the kind does not allow.
     pub fn check(&self, source: &Mesh) -> Result<()> {
         let (name, n, vertices) = (&self.name, self.columns, source.vertex_count());
         let fits = match self.kind {

@@ -1,7 +1,8 @@
 //! The path of a cage's vertices by mean-value encoding (Kraevoy, Sheffer 2006, section 4.3).
 //!
-//! The paper on composite maps takes in-between polyhedra from Winkler et al. 2010. Averages of encodings do the same work: they are
-//! independent of rotation, so that a twist stays a twist on the way.
+//! The paper on composite maps takes in-between polyhedra from Winkler et al. 2010. Averages of
+//! encodings do the same work: they are independent of rotation, so that a twist stays a twist on
+//! the way.
 
 use glam::DVec3;
 
@@ -14,7 +15,8 @@ use crate::tools::morph::{Morpher, QUALITY};
 /// In-betweens that are decoded; between them the path is a Catmull-Rom curve.
 const FRAMES: usize = 64;
 
-/// The last in-between may be farther from the target than others from their next by this factor before that is told.
+/// The last in-between may be farther from the target than others from their next by this factor
+/// before that is told.
 const JUMP: f64 = 8.0;
 
 /// A path by mean-value encoding.

@@ -1,7 +1,9 @@
-//! Models deformed by cages: composite mean value mappings in space (Schneider, Hormann, Floater 2013, section 4.5).
+//! Models deformed by cages: composite mean value mappings in space (Schneider, Hormann, Floater
+//! 2013, section 4.5).
 //!
-//! The cage's vertices take a path from the source to the target, straight or by mean-value encoding ([`Encoded`]), the
-//! map is cut into steps that do not fold as far as is sampled, and the model goes through them.
+//! The cage's vertices take a path from the source to the target, straight or by mean-value
+//! encoding ([`Encoded`]), the map is cut into steps that do not fold as far as is sampled, and the
+//! model goes through them.
 
 mod encoded;
 
@@ -58,17 +60,19 @@ pub struct Caged {
     pub path: String,
     /// Vertices outside the cage that the model comes from.
     pub outside: Outside,
-    /// Vertices inside it that left the other cage: none where nothing folds, but for rounding on faces.
+    /// Vertices inside it that left the other cage: none where nothing folds, but for rounding on
+    /// faces.
     pub escaped: usize,
-    /// Vertices inside it where the Jacobian of the whole map is not positive; counted for the inverse, whose pre-images no step was tested
-    /// at.
+    /// Vertices inside it where the Jacobian of the whole map is not positive; counted for the
+    /// inverse, whose pre-images no step was tested at.
     pub folded: usize,
     /// What is odd but no error, a sentence each.
     pub notes: Vec<String>,
 }
 
 impl Caged {
-    /// `sampled` where no step folds at a sample, no polyhedron intersects itself and no vertex inside is turned over; else `failed`.
+    /// `sampled` where no step folds at a sample, no polyhedron intersects itself and no vertex
+    /// inside is turned over; else `failed`.
     pub fn bijective(&self) -> &'static str {
         let sound = !self.partition.folds() && self.partition.intersections.is_empty() && self.folded == 0;
         if sound { "sampled" } else { "failed" }
@@ -77,10 +81,12 @@ impl Caged {
 
 /// Takes the points of a model through the map of a cage.
 ///
-/// Points outside the source are mapped by the same coordinates and counted. O(steps x points x faces).
+/// Points outside the source are mapped by the same coordinates and counted. O(steps x points x
+/// faces).
 ///
 /// # Errors
-/// [`Error::Input`] for a point that is not finite; as [`partition`](partition()) and [`CompositeMap::forward_points`].
+/// [`Error::Input`] for a point that is not finite; as [`partition`](partition()) and
+/// [`CompositeMap::forward_points`].
 pub fn map_by_cage(
     engine: &Engine,
     model: &[DVec3],
@@ -163,7 +169,8 @@ fn near_origin(
     Ok(caged)
 }
 
-/// Gives `mesh` its new positions, and turns its normals as the surface around their vertices has turned.
+/// Gives `mesh` its new positions, and turns its normals as the surface around their vertices has
+/// turned.
 ///
 /// # Errors
 /// [`Error::Input`] for another number of positions.

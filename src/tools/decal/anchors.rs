@@ -5,7 +5,9 @@ use glam::DVec2;
 use crate::error::{Error, Result};
 use crate::geometry::{Frame, Mesh, NONE, SurfacePoint, Topology};
 
-/// Four pairs or more of a point of a surface and one of the picture: `uv[i]` is where `points[i]` lies in the unit square, (0, 0) being the picture's lower left corner and (1, 1) its upper right.
+/// Four pairs or more of a point of a surface and one of the picture: `uv[i]` is where `points[i]`
+/// lies in the unit square, (0, 0) being the picture's lower left corner and (1, 1) its upper
+/// right.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DecalAnchors {
     /// On the surface.
@@ -30,8 +32,9 @@ impl DecalAnchors {
     /// Whether a picture can be laid by these.
     ///
     /// # Errors
-    /// [`Error::Input`] naming the anchor: fewer than four; lists of different lengths; a point that is not on the mesh; numbers that are not finite; anchors on several components; points of the picture on one line;
-    /// two anchors at one place of the surface or of the picture.
+    /// [`Error::Input`] naming the anchor: fewer than four; lists of different lengths; a point
+    /// that is not on the mesh; numbers that are not finite; anchors on several components; points
+    /// of the picture on one line; two anchors at one place of the surface or of the picture.
     pub fn check(&self, mesh: &Mesh, topology: &Topology) -> Result<()> {
         let fail = |what: String, remedy: &str| Err(Error::input(what, remedy));
         let (points, uv) = (&self.points, &self.uv);

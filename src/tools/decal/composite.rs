@@ -12,7 +12,8 @@ const FRAME: (u32, f64) = (4, 1.0 / 16.0);
 /// Texels of one parallel task.
 const TASK: usize = 4096;
 
-/// The picture as RGBA in its own depth, with a transparent frame; the frame's width in parts of the result's sides. Colours go on into the frame, only alpha ends.
+/// The picture as RGBA in its own depth, with a transparent frame; the frame's width in parts of
+/// the result's sides. Colours go on into the frame, only alpha ends.
 ///
 /// # Errors
 /// If the result is too large.
@@ -59,8 +60,10 @@ pub(super) fn framed(picture: &Image) -> Result<(Image, DVec2)> {
     Ok((out, DVec2::new(frame / f64::from(width), frame / f64::from(height))))
 }
 
-/// `over` (RGBA, straight alpha times `opacity`) upon `base`, a picture of the same size. The result has the base's depth, and its channels, but is coloured where `over` is. Texels without any of `over` keep their stored values.
-/// With `linear_light` light is blended, not stored sRGB values.
+/// `over` (RGBA, straight alpha times `opacity`) upon `base`, a picture of the same size. The
+/// result has the base's depth, and its channels, but is coloured where `over` is. Texels without
+/// any of `over` keep their stored values. With `linear_light` light is blended, not stored sRGB
+/// values.
 ///
 /// # Errors
 /// [`Error::Input`] if sizes differ or `over` has no four channels.

@@ -6,9 +6,11 @@ use super::DecalAnchors;
 use crate::error::{Error, Result};
 use crate::geometry::{Frame, Geodesics, March, Mesh, NONE, Topology};
 
-/// How far beyond the picture, in its sides, the layout goes at least: its free border should not be the picture's.
+/// How far beyond the picture, in its sides, the layout goes at least: its free border should not
+/// be the picture's.
 const ROOM: f64 = 0.2;
-/// Points whose distances from the anchors fit no point of a plane by more than this part of the anchors' own mean square distance from their middle are on the other side of something.
+/// Points whose distances from the anchors fit no point of a plane by more than this part of the
+/// anchors' own mean square distance from their middle are on the other side of something.
 const BEHIND: f64 = 0.6;
 
 /// Anchors that distances are taken from, at most: the ones farthest apart in the picture.
@@ -29,10 +31,13 @@ pub(super) struct Domain {
     pub(super) number: Vec<u32>,
 }
 
-/// Where points lie in the picture, roughly: by their distances along the surface from the anchors, as if it were flat there.
+/// Where points lie in the picture, roughly: by their distances along the surface from the anchors,
+/// as if it were flat there.
 ///
-/// With the picture's metric G (the one that fits the distances between anchors best) and anchors at `a_i`, a point `p` at distances `d_i` has `p' G p - 2 a_i' G p = d_i^2 - a_i' G a_i`, which is linear in `p` and `q = p' G p`:
-/// the least squares over all anchors. In a plane that is exact and `q` is what it says; where a surface curves, `q` is too large.
+/// With the picture's metric G (the one that fits the distances between anchors best) and anchors
+/// at `a_i`, a point `p` at distances `d_i` has `p' G p - 2 a_i' G p = d_i^2 - a_i' G a_i`, which
+/// is linear in `p` and `q = p' G p`: the least squares over all anchors. In a plane that is exact
+/// and `q` is what it says; where a surface curves, `q` is too large.
 struct Trilateration {
     metric: DMat2,
     middle: DVec2,
@@ -74,7 +79,8 @@ impl Trilateration {
         Self { metric, middle, size, misfit }
     }
 
-    /// For each vertex its place in the picture and how much too large `q` is, over [`Trilateration::size`].
+    /// For each vertex its place in the picture and how much too large `q` is, over
+    /// [`Trilateration::size`].
     fn places(&self, uv: &[DVec2], marches: impl Iterator<Item = Vec<f64>>) -> Vec<(DVec2, f64)> {
         let row = |a: DVec2| {
             let g = self.metric * (a - self.middle);
@@ -115,7 +121,9 @@ fn spread(points: &[DVec2]) -> Vec<usize> {
 }
 
 impl Domain {
-    /// The usable triangles that the picture may reach, with room around, connected with the anchors' own. `corners` are the anchors' nearest vertices. O(n log n) for n vertices of the mesh, times the number of anchors up to 24.
+    /// The usable triangles that the picture may reach, with room around, connected with the
+    /// anchors' own. `corners` are the anchors' nearest vertices. O(n log n) for n vertices of the
+    /// mesh, times the number of anchors up to 24.
     ///
     /// # Errors
     /// [`Error::Input`] if the anchors are not connected along the surface, or all at one point.

@@ -1,8 +1,11 @@
-//! Decals: a picture laid onto a part of a surface by a few anchors, and the texture coordinates that do it.
+//! Decals: a picture laid onto a part of a surface by a few anchors, and the texture coordinates
+//! that do it.
 //!
-//! Anchors pair points of the surface with points of the picture's unit square. Between them the surface gets texture coordinates ([`decal`]), by weighted averages of the anchors' own (Panozzo et
-//! al. 2013, sections 3.4 and 4.2, Fig. 10) or by a plate that bends as little as it can. What of the surface shows the picture is drawn into its texture by the stages of
-//! [`super::transfer`] ([`paint`]), or taken as it is ([`with_texcoords`]).
+//! Anchors pair points of the surface with points of the picture's unit square. Between them the
+//! surface gets texture coordinates ([`decal`]), by weighted averages of the anchors' own (Panozzo
+//! et al. 2013, sections 3.4 and 4.2, Fig. 10) or by a plate that bends as little as it can. What
+//! of the surface shows the picture is drawn into its texture by the stages of [`super::transfer`]
+//! ([`paint`]), or taken as it is ([`with_texcoords`]).
 
 mod anchors;
 mod composite;
@@ -30,11 +33,13 @@ use patch::Patch;
 /// How texture coordinates spread from the anchors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Layout {
-    /// A thin plate on the surface through the anchors: exact on flat and developable surfaces, needs no embedding.
+    /// A thin plate on the surface through the anchors: exact on flat and developable surfaces,
+    /// needs no embedding.
     #[default]
     Plate,
-    /// The paper's: weights of each point with respect to the anchors (eq. 13), applied to their texture coordinates. The part around the anchors is embedded by itself, which distorts it less than an
-    /// embedding of the whole surface.
+    /// The paper's: weights of each point with respect to the anchors (eq. 13), applied to their
+    /// texture coordinates. The part around the anchors is embedded by itself, which distorts it
+    /// less than an embedding of the whole surface.
     Averages,
 }
 
@@ -44,7 +49,8 @@ const LANDMARKS: usize = 300;
 /// Texture coordinates of a part of a surface.
 #[derive(Clone, Debug)]
 pub struct Decal {
-    /// For each vertex near the anchors, its place in the picture's unit square or outside; `None` for the others.
+    /// For each vertex near the anchors, its place in the picture's unit square or outside; `None`
+    /// for the others.
     pub uv: Vec<Option<DVec2>>,
     /// The triangles that show a part of the picture and are connected with the anchors, ascending.
     pub patch: Vec<u32>,
@@ -57,7 +63,8 @@ pub struct Decal {
 pub struct DecalReport {
     /// Area of the patch in parts of the surface's.
     pub area: f64,
-    /// Symmetrised L2 stretch efficiency of the patch, with the picture's proportions ([`distortion`]): 1 for an isometry.
+    /// Symmetrised L2 stretch efficiency of the patch, with the picture's proportions
+    /// ([`distortion`]): 1 for an isometry.
     pub stretch_all: f64,
     /// The same over the best 95 % of the area.
     pub stretch_best95: f64,
@@ -77,11 +84,13 @@ pub struct DecalReport {
 
 /// Lays a picture of proportion `aspect` (width over height) onto a surface by anchors.
 ///
-/// Coordinates are found at the vertices near the anchors; the patch is what lies inside the unit square, is connected with the anchors over edges and is not turned over. O(n log n) in the number of
-/// vertices, and the sparse factorisation of those near the anchors for the plate.
+/// Coordinates are found at the vertices near the anchors; the patch is what lies inside the unit
+/// square, is connected with the anchors over edges and is not turned over. O(n log n) in the
+/// number of vertices, and the sparse factorisation of those near the anchors for the plate.
 ///
 /// # Errors
-/// Those of [`DecalAnchors::check`]; [`Error::Input`] if the anchors' order folds the picture; [`Error::Option`] for an aspect that is not positive; those of the factorisation.
+/// Those of [`DecalAnchors::check`]; [`Error::Input`] if the anchors' order folds the picture;
+/// [`Error::Option`] for an aspect that is not positive; those of the factorisation.
 pub fn decal(
     mesh: &Mesh,
     topology: &Topology,
@@ -184,7 +193,8 @@ fn part_of(mesh: &Mesh, triangles: &[u32]) -> (Mesh, Vec<u32>) {
     (Mesh::from_triangles(mesh.name.clone(), positions, &renumbered), vertices)
 }
 
-/// The mesh with the decal's coordinates as its texture coordinates. Polygons that show none of the picture have none; with `only_patch` they are left out, with the vertices that only they use.
+/// The mesh with the decal's coordinates as its texture coordinates. Polygons that show none of the
+/// picture have none; with `only_patch` they are left out, with the vertices that only they use.
 pub fn with_texcoords(mesh: &Mesh, decal: &Decal, only_patch: bool) -> Mesh {
     let mut shows = vec![false; mesh.polygon_count()];
     for &t in &decal.patch {

@@ -1,4 +1,5 @@
-//! A decal drawn into the texture of its surface, by the stages of a texture transfer: the picture is the texture of a flat source.
+//! A decal drawn into the texture of its surface, by the stages of a texture transfer: the picture
+//! is the texture of a flat source.
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -45,7 +46,8 @@ pub struct Painted {
     pub stats: TransferStats,
 }
 
-/// Draws `picture` into a transparent texture of `mesh` where `decal` shows it, averaged over each texel's footprint. Beyond the picture's borders it is transparent, so that these are smooth.
+/// Draws `picture` into a transparent texture of `mesh` where `decal` shows it, averaged over each
+/// texel's footprint. Beyond the picture's borders it is transparent, so that these are smooth.
 ///
 /// # Errors
 /// Those of [`transfer_on`]; a mesh without texture coordinates.
@@ -88,7 +90,8 @@ pub fn paint(
     Ok(Painted { image, texels: output.stats.covered - output.stats.colorless, stats: output.stats })
 }
 
-/// The map from the mesh to the framed picture: two triangles, and a third that stands for the rest of the surface.
+/// The map from the mesh to the framed picture: two triangles, and a third that stands for the rest
+/// of the surface.
 struct Flat {
     /// Coordinates of each triangle's corners, in the framed picture; `None` outside the patch.
     corners: Vec<Option<[DVec2; 3]>>,
@@ -110,7 +113,8 @@ impl Flat {
         Self { corners }
     }
 
-    /// The unit square with its own coordinates, and a triangle without any that makes the ratio of its area to the mesh's that of the picture to the patch: footprints are judged by it.
+    /// The unit square with its own coordinates, and a triangle without any that makes the ratio of
+    /// its area to the mesh's that of the picture to the patch: footprints are judged by it.
     fn source(&self, mesh: &Mesh, decal: &Decal) -> Mesh {
         let picture: f64 = self.corners.iter().flatten().map(|[a, b, c]| 0.5 * (*b - *a).perp_dot(*c - *a).abs()).sum();
         let patch: f64 = decal.patch.iter().map(|&t| mesh.triangle_area(t as usize)).sum();

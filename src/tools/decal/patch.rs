@@ -9,9 +9,11 @@ use super::domain::Domain;
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, NONE, SurfacePoint, Topology};
 
-/// Triangles turned over that are enclosed in the patch belong to it up to this part of its area: a crease in the picture is better than a hole.
+/// Triangles turned over that are enclosed in the patch belong to it up to this part of its area: a
+/// crease in the picture is better than a hole.
 const CREASE: f64 = 0.02;
-/// Rings of triangles around an anchor that tell which way the picture is turned there: single triangles of a rough surface do not.
+/// Rings of triangles around an anchor that tell which way the picture is turned there: single
+/// triangles of a rough surface do not.
 const RINGS: usize = 3;
 /// Points along a side of the picture at which it is counted how often it is shown.
 const GRID: usize = 128;
@@ -31,7 +33,8 @@ fn corners_of(mesh: &Mesh, uv: &[Option<DVec2>], t: u32) -> Option<[DVec2; 3]> {
     Some([a?, b?, c?])
 }
 
-/// Area of triangle `t` in the unit square, positive if it is counter-clockwise; 0 where it has no place.
+/// Area of triangle `t` in the unit square, positive if it is counter-clockwise; 0 where it has no
+/// place.
 pub(super) fn signed_area(mesh: &Mesh, uv: &[Option<DVec2>], t: u32) -> f64 {
     corners_of(mesh, uv, t).map_or(0.0, |[a, b, c]| 0.5 * (b - a).perp_dot(c - a))
 }
@@ -69,10 +72,13 @@ fn around(topology: &Topology, v: u32) -> Vec<u32> {
 }
 
 impl Patch {
-    /// The triangles of the domain that meet the unit square, are connected with the anchors over such triangles, and are turned like the picture at the anchors; with what is enclosed and turned over.
+    /// The triangles of the domain that meet the unit square, are connected with the anchors over
+    /// such triangles, and are turned like the picture at the anchors; with what is enclosed and
+    /// turned over.
     ///
     /// # Errors
-    /// [`Error::Input`] if the picture is turned over at some anchor against the others, or nothing of it is shown.
+    /// [`Error::Input`] if the picture is turned over at some anchor against the others, or nothing
+    /// of it is shown.
     pub(super) fn new(
         mesh: &Mesh,
         topology: &Topology,
@@ -135,7 +141,8 @@ impl Patch {
     }
 }
 
-/// Takes connected groups of triangles inside the square that are not taken, if they are small and touch the patch.
+/// Takes connected groups of triangles inside the square that are not taken, if they are small and
+/// touch the patch.
 fn add_creases(mesh: &Mesh, topology: &Topology, inside: &[bool], taken: &mut [bool], most: f64) {
     let mut seen = vec![false; inside.len()];
     for first in 0..inside.len() as u32 {
@@ -163,7 +170,8 @@ fn add_creases(mesh: &Mesh, topology: &Topology, inside: &[bool], taken: &mut [b
     }
 }
 
-/// Shares of the picture that the triangles show, and that they show more than once, on a grid of points.
+/// Shares of the picture that the triangles show, and that they show more than once, on a grid of
+/// points.
 pub(super) fn shown(mesh: &Mesh, triangles: &[u32], uv: &[Option<DVec2>]) -> (f64, f64) {
     let mut count = vec![0u8; GRID * GRID];
     let n = GRID as f64;

@@ -1,4 +1,5 @@
-//! Texture coordinates that bend as little as they can between anchors: a thin plate on the surface.
+//! Texture coordinates that bend as little as they can between anchors: a thin plate on the
+//! surface.
 
 use faer::Mat;
 use glam::{DVec2, DVec3};
@@ -6,22 +7,27 @@ use glam::{DVec2, DVec3};
 use crate::error::Result;
 use crate::geometry::bending::Bending;
 
-/// Stiffness of the plate on a surface of area one, in parts of the mass that keeps it where the step before left it.
+/// Stiffness of the plate on a surface of area one, in parts of the mass that keeps it where the
+/// step before left it.
 const STIFFNESS: f64 = 1e3;
 /// Stiffness of the ties to the anchors, in the same parts.
 const TIE: f64 = 1e8;
-/// Edges over which roughness is smoothed away before the plate is laid. Noise of half an edge costs 0.05 to 0.4 of the stretch without, 0.01 with; 2 and more take off shape too.
+/// Edges over which roughness is smoothed away before the plate is laid. Noise of half an edge
+/// costs 0.05 to 0.4 of the stretch without, 0.01 with; 2 and more take off shape too.
 const REACH: f64 = 1.0;
 /// Most steps of the iteration.
 const STEPS: usize = 60;
 /// The iteration ends when no coordinate moves more than this in a step.
 const DONE: f64 = 1e-11;
 
-/// Functions u and v on a surface of area one that take the values `uv` at the points `ties` (triangle's vertices and barycentric coordinates) and have the smallest energy
-/// `integral (laplace u)^2` among those, with free borders. On flat surfaces, bent or not, values that are a linear function of the place are met by that function exactly.
+/// Functions u and v on a surface of area one that take the values `uv` at the points `ties`
+/// (triangle's vertices and barycentric coordinates) and have the smallest energy `integral
+/// (laplace u)^2` among those, with free borders. On flat surfaces, bent or not, values that are a
+/// linear function of the place are met by that function exactly.
 ///
-/// Roughness is taken off the surface first. Two factorisations and a few solutions: the matrix alone is singular, so each step minimises `|x - before|^2 + stiffness E(x) + tie |B x + y - uv|^2`, y being what the steps before missed (the method of
-/// multipliers).
+/// Roughness is taken off the surface first. Two factorisations and a few solutions: the matrix
+/// alone is singular, so each step minimises `|x - before|^2 + stiffness E(x) + tie |B x + y -
+/// uv|^2`, y being what the steps before missed (the method of multipliers).
 ///
 /// # Errors
 /// If the factorisation fails.
@@ -67,7 +73,9 @@ pub(super) fn plate(
     Ok(at)
 }
 
-/// The surface with roughness finer than about [`REACH`] edges taken off by the same energy, one step of `M x' + h^4 E x' = M x`: the plate shall follow the surface, not its noise. Flat surfaces stay exactly as they are.
+/// The surface with roughness finer than about [`REACH`] edges taken off by the same energy, one
+/// step of `M x' + h^4 E x' = M x`: the plate shall follow the surface, not its noise. Flat
+/// surfaces stay exactly as they are.
 fn smoothed(positions: &[DVec3], triangles: &[[u32; 3]]) -> Result<Vec<DVec3>> {
     let bending = Bending::new(positions, triangles)?;
     let length: f64 = triangles

@@ -230,7 +230,8 @@ fn painting_a_plane_is_sampling_the_picture() {
 
 #[test]
 fn small_decals_are_averaged_not_sampled() {
-    // A chequered picture whose squares are much smaller than texels is grey, though the decal is a thousandth of the surface.
+    // A chequered picture whose squares are much smaller than texels is grey, though the decal is a
+    // thousandth of the surface.
     let mesh = plane_grid(64, 64, 1.0, 1.0, Diagonal::Forward);
     let (lo, hi) = (0.5, 0.53125);
     let anchors =

@@ -1,6 +1,7 @@
 //! Deformation: a mesh posed by a few of its vertices (mean-value encoding, section 4.1).
 //!
-//! Handles are points; their rotations follow from the encoding. Everything is computed about the rest shape's centre at diagonal one.
+//! Handles are points; their rotations follow from the encoding. Everything is computed about the
+//! rest shape's centre at diagonal one.
 
 mod followers;
 pub(super) mod normals;
@@ -38,7 +39,8 @@ pub struct Deformation {
 pub struct PlayedFrame {
     /// A position for every vertex of the mesh.
     pub positions: Vec<DVec3>,
-    /// The frame before did not lead here (the handles jumped): the shape in the large was found anew.
+    /// The frame before did not lead here (the handles jumped): the shape in the large was found
+    /// anew.
     pub anew: bool,
 }
 
@@ -51,7 +53,8 @@ struct Posed {
     starts: Vec<Similarity>,
 }
 
-/// Poses one mesh by one set of handles, frame after frame. Moving the handles never rebuilds anything.
+/// Poses one mesh by one set of handles, frame after frame. Moving the handles never rebuilds
+/// anything.
 #[derive(Debug)]
 pub struct Deformer {
     name: String,
@@ -74,7 +77,8 @@ impl Deformer {
     /// Prepares `mesh` for `handles`: the hierarchy is made, or taken from the cache.
     ///
     /// # Errors
-    /// [`Error::Mesh`] if nothing of the mesh can be used; [`Error::Input`] for a handle that is part of no triangle.
+    /// [`Error::Mesh`] if nothing of the mesh can be used; [`Error::Input`] for a handle that is
+    /// part of no triangle.
     pub fn new(mesh: &Mesh, handles: Handles, options: &HierarchyOptions, cache: &Cache) -> Result<Self> {
         let handles = handles.on(mesh)?;
         let connectivity = Connectivity::new(mesh);
@@ -124,7 +128,8 @@ impl Deformer {
         })
     }
 
-    /// Does on the device of `engine`, if it has one, what a decode does there; see [`Decoder::decode_on`].
+    /// Does on the device of `engine`, if it has one, what a decode does there; see
+    /// [`Decoder::decode_on`].
     pub fn decode_on(&mut self, engine: &Engine) {
         self.decoder.decode_on(engine);
     }
@@ -136,11 +141,13 @@ impl Deformer {
 
     /// Where every vertex goes when handle `k` of the [`Handles`] is put at `positions[k]`.
     ///
-    /// The start is the similarity that fits the handles best, so that moving, turning and scaling all of them moves, turns and scales the
-    /// mesh exactly. With `warm` the frame before is where coarse stages begin; equal positions give equal results, bit for bit.
+    /// The start is the similarity that fits the handles best, so that moving, turning and scaling
+    /// all of them moves, turns and scales the mesh exactly. With `warm` the frame before is where
+    /// coarse stages begin; equal positions give equal results, bit for bit.
     ///
     /// # Errors
-    /// [`Error::Input`] for handles that contradict one another or all come to one place; [`Error::Numeric`] if no finite shape was found.
+    /// [`Error::Input`] for handles that contradict one another or all come to one place;
+    /// [`Error::Numeric`] if no finite shape was found.
     pub fn deform(&mut self, positions: &[DVec3], quality: &Quality, warm: bool) -> Result<Deformation> {
         let posed = self.posed(positions)?;
         let component = self.components();
@@ -149,10 +156,12 @@ impl Deformer {
         Ok(Deformation { positions: self.place(&posed, &decoded), report })
     }
 
-    /// Plays frames of handle positions, as [`Deformer::deform`] takes them, in order; `sink` receives each and may end the work with an error.
+    /// Plays frames of handle positions, as [`Deformer::deform`] takes them, in order; `sink`
+    /// receives each and may end the work with an error.
     ///
-    /// Much cheaper than as many calls of [`Deformer::deform`], and smooth in time; see [`SequenceQuality`]. Handles that stay where they were give the
-    /// shape of the frame before, bit for bit; the number of threads changes nothing.
+    /// Much cheaper than as many calls of [`Deformer::deform`], and smooth in time; see
+    /// [`SequenceQuality`]. Handles that stay where they were give the shape of the frame before,
+    /// bit for bit; the number of threads changes nothing.
     ///
     /// # Errors
     /// As [`Deformer::deform`]; what `sink` returns.
@@ -208,7 +217,8 @@ impl Deformer {
         result
     }
 
-    /// Puts a result's positions into `mesh`, which is the one this deformer was made for, and turns its normals along.
+    /// Puts a result's positions into `mesh`, which is the one this deformer was made for, and
+    /// turns its normals along.
     ///
     /// # Errors
     /// [`Error::Input`] if `mesh` has another number of vertices.
@@ -236,7 +246,8 @@ impl Deformer {
         &self.name
     }
 
-    /// The similarity with which each component begins, that of all held vertices, then that of its own; and the scale of the first.
+    /// The similarity with which each component begins, that of all held vertices, then that of its
+    /// own; and the scale of the first.
     fn starts(&self, held: &[V3<f64>]) -> (f64, Vec<Similarity>) {
         let hierarchy = self.decoder.hierarchy();
         let pairs: Vec<(DVec3, DVec3)> =

@@ -6,8 +6,9 @@ use rayon::prelude::*;
 use crate::encoding::{Connectivity, Similarity};
 use crate::geometry::{Mesh, NONE};
 
-/// Turns the normals of `mesh`, whose positions are already the new ones, from the rest positions `rest`: each by the rotation that fits its
-/// vertex's ring best; one that several corners share by the mean of their rotations. Normals that no corner names stay.
+/// Turns the normals of `mesh`, whose positions are already the new ones, from the rest positions
+/// `rest`: each by the rotation that fits its vertex's ring best; one that several corners share by
+/// the mean of their rotations. Normals that no corner names stay.
 pub(in crate::tools) fn turn_normals(mesh: &mut Mesh, connectivity: &Connectivity, rest: &[DVec3]) {
     if mesh.normals.is_empty() {
         return;

@@ -15,8 +15,9 @@ pub(super) struct Anchors {
 }
 
 impl Anchors {
-    /// The given vertices; or in every component four spread over the patch that moves least between the shapes.
-    /// `away` is how far each shape stands from the first, which counts as movement.
+    /// The given vertices; or in every component four spread over the patch that moves least
+    /// between the shapes. `away` is how far each shape stands from the first, which counts as
+    /// movement.
     pub(super) fn new(
         connectivity: &Connectivity,
         shapes: &[Vec<V3<f64>>],
@@ -57,8 +58,9 @@ impl Anchors {
         Ok(Self { held })
     }
 
-    /// Where the anchors (the first `count` of every shape) are at `weights`: their shape averaged after alignment, under the mean of the
-    /// alignments (rotations by spherical interpolation, logarithms of sizes). An input's own weight gives its positions exactly.
+    /// Where the anchors (the first `count` of every shape) are at `weights`: their shape averaged
+    /// after alignment, under the mean of the alignments (rotations by spherical interpolation,
+    /// logarithms of sizes). An input's own weight gives its positions exactly.
     pub(super) fn blended(&self, shapes: &[Vec<V3<f64>>], count: usize, weights: &[f64]) -> Vec<V3<f64>> {
         if let Some(only) = weights.iter().position(|&w| w == 1.0) {
             return shapes[only][..count].to_vec();

@@ -1,4 +1,5 @@
-//! A mesh of one connectivity on the shape of another: the triangles of A with their vertices where a map takes them on B (Panozzo et al. 2013, section 4.3, Fig. 14), mended where it folds.
+//! A mesh of one connectivity on the shape of another: the triangles of A with their vertices where
+//! a map takes them on B (Panozzo et al. 2013, section 4.3, Fig. 14), mended where it folds.
 
 use glam::DVec3;
 
@@ -49,8 +50,10 @@ pub struct CompatibleReport {
 /// How much longer than expected an edge may become before it is counted.
 pub const LONG: f64 = 4.0;
 
-/// Takes the vertices of `a` to `b` by `map`, which maps points of `a` (the target of a correspondence) to points of `b` (its source), and mends what is folded or collapsed: patches around it are relaxed on `b`, their
-/// borders and the vertices `held` kept. Vertices without an image get the smoothest positions between the others.
+/// Takes the vertices of `a` to `b` by `map`, which maps points of `a` (the target of a
+/// correspondence) to points of `b` (its source), and mends what is folded or collapsed: patches
+/// around it are relaxed on `b`, their borders and the vertices `held` kept. Vertices without an
+/// image get the smoothest positions between the others.
 ///
 /// O(V log V) and the map; patches are small.
 ///

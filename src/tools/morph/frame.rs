@@ -8,9 +8,11 @@ use crate::surface::quality::{distortion, vertex_normals};
 /// Measures of an in-between against the first mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameReport {
-    /// Volume inside, in the meshes' units; of an open mesh that of the cone over it from its middle.
+    /// Volume inside, in the meshes' units; of an open mesh that of the cone over it from its
+    /// middle.
     pub volume: f64,
-    /// Symmetrised L2 stretch efficiency of the way from the first mesh ([`distortion`]): 1 for a shape that only turned, moved or changed its size.
+    /// Symmetrised L2 stretch efficiency of the way from the first mesh ([`distortion`]): 1 for a
+    /// shape that only turned, moved or changed its size.
     pub stretch_all: f64,
     /// The same over the best 95 % of the area.
     pub stretch_best95: f64,

@@ -1,8 +1,9 @@
-//! Morphing and blending of shapes of the same connectivity through their encodings (section 4.3); shapes of another connectivity get that of the first through a correspondence
+//! Morphing and blending of shapes of the same connectivity through their encodings (section 4.3);
+//! shapes of another connectivity get that of the first through a correspondence
 //! ([`compatible_mesh`]).
 //!
-//! In-betweens turn where a blend of positions would shrink. They are reached in small steps from an input, each beginning where the one
-//! before ended, so that no step can jump to a folded shape.
+//! In-betweens turn where a blend of positions would shrink. They are reached in small steps from
+//! an input, each beginning where the one before ended, so that no step can jump to a folded shape.
 
 mod anchors;
 mod compatible;
@@ -24,8 +25,9 @@ pub use frame::{FrameReport, FrameWatch};
 /// Largest change of a weight in one step.
 const STEP: f64 = 1.0 / 16.0;
 
-/// The quality for in-betweens: converged, and with edges kept near the averages of their lengths. Averages of encodings belong to no shape,
-/// and without that the size of an in-between drifts along slender parts.
+/// The quality for in-betweens: converged, and with edges kept near the averages of their lengths.
+/// Averages of encodings belong to no shape, and without that the size of an in-between drifts
+/// along slender parts.
 pub const QUALITY: Quality = Quality { stiffness: 100.0, ..Quality::CONVERGED };
 
 /// Blends a list of shapes.
@@ -48,12 +50,13 @@ pub struct Morpher {
 }
 
 impl Morpher {
-    /// Encodes `meshes`, two or more with the same triangles. `anchors` are vertices that carry the position, turn and size of an
-    /// in-between: four or more, best near one another where the shapes move least; they are chosen so where none are given.
+    /// Encodes `meshes`, two or more with the same triangles. `anchors` are vertices that carry the
+    /// position, turn and size of an in-between: four or more, best near one another where the
+    /// shapes move least; they are chosen so where none are given.
     ///
     /// # Errors
-    /// [`Error::Input`] for fewer than two meshes, different connectivity (naming the first difference) or anchors out of range;
-    /// [`Error::Mesh`] for a mesh without triangles.
+    /// [`Error::Input`] for fewer than two meshes, different connectivity (naming the first
+    /// difference) or anchors out of range; [`Error::Mesh`] for a mesh without triangles.
     pub fn new(meshes: &[&Mesh], anchors: Option<&[u32]>, options: &HierarchyOptions) -> Result<Self> {
         let [first, others @ ..] = meshes else {
             return Err(Error::input("there is nothing to morph", "Give two or more meshes"));
@@ -127,10 +130,12 @@ impl Morpher {
         &self.first.name
     }
 
-    /// The shape at `weights` (one an input, summing to one), reached from the one before, or from the nearest input if that is nearer.
+    /// The shape at `weights` (one an input, summing to one), reached from the one before, or from
+    /// the nearest input if that is nearer.
     ///
     /// # Errors
-    /// [`Error::Option`] for weights that do not fit; [`Error::Numeric`] if no finite shape was found.
+    /// [`Error::Option`] for weights that do not fit; [`Error::Numeric`] if no finite shape was
+    /// found.
     pub fn shape(&mut self, weights: &[f64], quality: &Quality) -> Result<(Vec<DVec3>, DecodeReport)> {
         self.check(weights)?;
         if let Some(only) = weights.iter().position(|&w| w == 1.0) {
@@ -166,8 +171,8 @@ impl Morpher {
         Ok((self.place(&decoded, weights, |_| weights), report))
     }
 
-    /// The shape with weights of its own at every vertex: `weights` holds one an input, vertex by vertex of the mesh. Position, turn and
-    /// size are those of the mean weights at the anchors.
+    /// The shape with weights of its own at every vertex: `weights` holds one an input, vertex by
+    /// vertex of the mesh. Position, turn and size are those of the mean weights at the anchors.
     ///
     /// # Errors
     /// As [`Morpher::shape`].
@@ -180,8 +185,9 @@ impl Morpher {
         result.ok_or_else(|| Error::numeric("the march to the mask made no shape", "Use fewer meshes"))
     }
 
-    /// Shapes on the way from the mesh that rules at the anchors to the one [`Morpher::masked`] makes: at each of `times`, which ascend from 0 to 1, the
-    /// vertices have that share of their mask. `sink` receives them in order and may end the work with an error.
+    /// Shapes on the way from the mesh that rules at the anchors to the one [`Morpher::masked`]
+    /// makes: at each of `times`, which ascend from 0 to 1, the vertices have that share of their
+    /// mask. `sink` receives them in order and may end the work with an error.
     ///
     /// # Errors
     /// As [`Morpher::shape`]; what `sink` returns.
@@ -281,7 +287,8 @@ impl Morpher {
     }
 }
 
-/// The same mesh with corners that name no normal: those of an in-between would be wrong, and readers make their own.
+/// The same mesh with corners that name no normal: those of an in-between would be wrong, and
+/// readers make their own.
 pub fn without_normals(mesh: &Mesh) -> Mesh {
     let mut bare = mesh.with_corners(|c| Corner { normal: NONE, ..c });
     bare.normals.clear();

@@ -19,7 +19,8 @@ const OWN_RINGS: [usize; 4] = [1, 2, 4, 8];
 const SPREAD: usize = 60;
 /// A triangle smaller than this part of what its size before lets expect is collapsed.
 const COLLAPSED: f64 = 1e-3;
-/// Patches of more than this part of the vertices are left alone: then the map is wrong, not folded.
+/// Patches of more than this part of the vertices are left alone: then the map is wrong, not
+/// folded.
 const LARGEST: f64 = 0.2;
 
 /// The vertices of a mesh on a surface.
@@ -125,8 +126,10 @@ impl<'a> Images<'a> {
             .reduce(|| 0.0, f64::max)
     }
 
-    /// Relaxes patches around bad triangles: their vertices become averages of their neighbours with mean value weights, drawn onto the surface. Where that does not help they take the shape that they have on the mesh itself, fitted
-    /// to the patch's border, off the surface. A patch is kept where fewer of its triangles are bad; vertices of `fixed` stay.
+    /// Relaxes patches around bad triangles: their vertices become averages of their neighbours
+    /// with mean value weights, drawn onto the surface. Where that does not help they take the
+    /// shape that they have on the mesh itself, fitted to the patch's border, off the surface. A
+    /// patch is kept where fewer of its triangles are bad; vertices of `fixed` stay.
     pub(super) fn mend(&mut self, fixed: &[bool]) -> Mended {
         let mut left = self.bad();
         let before = self.bad_or_folded().len();
@@ -173,7 +176,8 @@ impl<'a> Images<'a> {
         all.filter(|&t| usable[t as usize] && (self.is_bad(t) || self.is_folded(t))).collect()
     }
 
-    /// Gives a patch the shape it has on the mesh, by the similarity that fits its border and a smooth correction that makes it meet there; and takes it back if that helped nothing.
+    /// Gives a patch the shape it has on the mesh, by the similarity that fits its border and a
+    /// smooth correction that makes it meet there; and takes it back if that helped nothing.
     fn own_shape(&mut self, patch: &[u32]) -> bool {
         let inside: BTreeSet<u32> = patch.iter().copied().collect();
         let border: BTreeSet<u32> = patch
@@ -217,7 +221,8 @@ impl<'a> Images<'a> {
         better
     }
 
-    /// The vertices within `rings` of the triangles, in connected groups, without those that are fixed.
+    /// The vertices within `rings` of the triangles, in connected groups, without those that are
+    /// fixed.
     fn patches(&self, triangles: &[u32], rings: usize, fixed: &[bool]) -> Vec<Vec<u32>> {
         let mut inside: BTreeSet<u32> = triangles.iter().flat_map(|&t| self.topology.triangles[t as usize]).collect();
         for _ in 0..rings {
@@ -280,7 +285,8 @@ impl<'a> Images<'a> {
     }
 }
 
-/// Mean value weights (Floater 2003) of every vertex's neighbours on its mesh, positive and summing to one; equal ones at degenerate corners.
+/// Mean value weights (Floater 2003) of every vertex's neighbours on its mesh, positive and summing
+/// to one; equal ones at degenerate corners.
 fn mean_value_weights(mesh: &Mesh, topology: &Topology) -> Vec<Vec<(u32, f64)>> {
     let weights_of = |v: u32| -> Vec<(u32, f64)> {
         let p = mesh.positions[v as usize];

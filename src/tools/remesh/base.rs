@@ -15,8 +15,9 @@ const WIDEST: f64 = 160.0;
 /// Least cosine between the normals of two triangles that are paired.
 const BEND: f64 = 0.5;
 
-/// A base mesh of about `vertices` vertices, all of them vertices of `mesh`: half-edge collapses that turn normals least ([`simplify`]), then pairs of neighbouring triangles, those first that make the best quads. Triangles that find
-/// no partner stay. O(F log F).
+/// A base mesh of about `vertices` vertices, all of them vertices of `mesh`: half-edge collapses
+/// that turn normals least ([`simplify`]), then pairs of neighbouring triangles, those first that
+/// make the best quads. Triangles that find no partner stay. O(F log F).
 ///
 /// # Errors
 /// [`Error::Option`] for fewer than 4 vertices; [`Error::Mesh`] if there is no usable triangle.
@@ -75,7 +76,8 @@ pub fn automatic_base(mesh: &Mesh, topology: &Topology, vertices: usize) -> Resu
 /// Two triangles that make a quad, how bad it is, and its corners.
 type Pair = (f64, u32, u32, [u32; 4]);
 
-/// Pairs without a common triangle, rising: the best ones first, then two for one wherever the neighbours of a pair on both sides are left alone.
+/// Pairs without a common triangle, rising: the best ones first, then two for one wherever the
+/// neighbours of a pair on both sides are left alone.
 fn matched(triangles: usize, pairs: &[Pair]) -> Vec<usize> {
     let mut of = vec![usize::MAX; triangles];
     let mut around: Vec<Vec<usize>> = vec![Vec::new(); triangles];
@@ -117,7 +119,8 @@ fn matched(triangles: usize, pairs: &[Pair]) -> Vec<usize> {
     (0..pairs.len()).filter(|&p| of[pairs[p].1 as usize] == p && of[pairs[p].2 as usize] == p).collect()
 }
 
-/// How far a quad is from a flat one of right angles, in degrees; `None` for one that is folded or nearly a triangle. The first and the third corner lie on the two triangles it is made of.
+/// How far a quad is from a flat one of right angles, in degrees; `None` for one that is folded or
+/// nearly a triangle. The first and the third corner lie on the two triangles it is made of.
 fn badness(p: [DVec3; 4]) -> Option<f64> {
     let normal = |a: usize, b: usize, c: usize| (p[b] - p[a]).cross(p[c] - p[a]).normalize_or_zero();
     let bend = normal(0, 1, 3).dot(normal(2, 3, 1));

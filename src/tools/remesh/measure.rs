@@ -34,7 +34,8 @@ pub struct Angles {
 /// Distances between a quad mesh and the surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Distances {
-    /// Of the vertices from the surface, the largest, found by a search that knows nothing of how they were made.
+    /// Of the vertices from the surface, the largest, found by a search that knows nothing of how
+    /// they were made.
     pub vertices: f64,
     /// Of the middles of faces from the surface, the largest.
     pub middles: f64,

@@ -1,9 +1,14 @@
-//! Semiregular quad remeshing and Laplacian smoothing on a surface (Panozzo et al. 2013, section 4.1, Figure 7).
+//! Semiregular quad remeshing and Laplacian smoothing on a surface (Panozzo et al. 2013, section
+//! 4.1, Figure 7).
 //!
-//! A coarse mesh of quads is snapped to the surface. Each level splits every quad into four: the middle of an edge is the average of its two ends on the surface, the middle of a face that of its corners. Each
-//! smoothing step then moves every vertex towards the average of its neighbours, all at once. Levels and steps are batches: every average reads the points of the stage before and writes one point of the next.
+//! A coarse mesh of quads is snapped to the surface. Each level splits every quad into four: the
+//! middle of an edge is the average of its two ends on the surface, the middle of a face that of
+//! its corners. Each smoothing step then moves every vertex towards the average of its neighbours,
+//! all at once. Levels and steps are batches: every average reads the points of the stage before
+//! and writes one point of the next.
 //!
-//! Each corner of a face that is no quad becomes a quad in the first level, as in the scheme of Catmull and Clark 1978.
+//! Each corner of a face that is no quad becomes a quad in the first level, as in the scheme of
+//! Catmull and Clark 1978.
 
 mod base;
 mod measure;
@@ -41,17 +46,21 @@ const TRIED: [f64; 6] = [0.0, 0.5, 0.75, 0.9, 1.0, 1.0];
 /// Part of the step for the last of them.
 const SHORT: f64 = 0.25;
 
-/// Edges shorter than the rest length by more than this factor push no more than one of that length.
+/// Edges shorter than the rest length by more than this factor push no more than one of that
+/// length.
 const LARGEST_PUSH: f64 = 3.0;
 
 /// What a smoothing step does about lengths of edges.
 ///
-/// Neighbour `j` of vertex `i` pulls with the weight `1 - c m / |x_j - x_i|`, `m` being the mean length of all edges, as a spring of rest length `c m` does. With `c = 0` all pull alike: the paper's
-/// Laplacian smoothing, which makes angles right, but draws vertices of valence three together and so may make lengths *less* even. With `c = 1` a step goes down the gradient of the variance of lengths, and angles follow
-/// only as far as that lets them.
+/// Neighbour `j` of vertex `i` pulls with the weight `1 - c m / |x_j - x_i|`, `m` being the mean
+/// length of all edges, as a spring of rest length `c m` does. With `c = 0` all pull alike: the
+/// paper's Laplacian smoothing, which makes angles right, but draws vertices of valence three
+/// together and so may make lengths *less* even. With `c = 1` a step goes down the gradient of the
+/// variance of lengths, and angles follow only as far as that lets them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Evenness {
-    /// In each step the least `c` of a few with which the variance falls; where it falls with none, that step and all after leave the mesh as it is.
+    /// In each step the least `c` of a few with which the variance falls; where it falls with none,
+    /// that step and all after leave the mesh as it is.
     #[default]
     Auto,
     /// The same `c`, 0..=1, in all steps.
@@ -140,12 +149,14 @@ pub struct RemeshReport {
 }
 
 impl<'a> Remesher<'a> {
-    /// Snaps the vertices of `base` to the surface of `shape` and prepares all levels. O(F D + V log V + result).
+    /// Snaps the vertices of `base` to the surface of `shape` and prepares all levels. O(F D + V
+    /// log V + result).
     ///
     /// # Errors
-    /// [`Error::Option`] for options out of range; [`Error::Mesh`] naming the face of `base`: fewer than three corners, a vertex twice, corners on different components of the surface, or no face;
-    /// [`Error::Input`] for a vertex of `base` that is not finite or farther from the surface than
-    /// [`FARTHEST`], or all of them closest to one point; as [`AnyForward::new`].
+    /// [`Error::Option`] for options out of range; [`Error::Mesh`] naming the face of `base`: fewer
+    /// than three corners, a vertex twice, corners on different components of the surface, or no
+    /// face; [`Error::Input`] for a vertex of `base` that is not finite or farther from the surface
+    /// than [`FARTHEST`], or all of them closest to one point; as [`AnyForward::new`].
     pub fn new(shape: Shape<'a>, base: &Mesh, options: &RemeshOptions) -> Result<Self> {
         if !(options.step > 0.0 && options.step <= 1.0) {
             let what = format!("{} is not above 0 and at most 1", options.step);
@@ -258,7 +269,8 @@ impl<'a> Remesher<'a> {
     /// Moves a vertex of the base mesh for the next frame.
     ///
     /// # Errors
-    /// [`Error::Input`] if there is no such vertex (of [`Self::base`]) or the point is not on the surface.
+    /// [`Error::Input`] if there is no such vertex (of [`Self::base`]) or the point is not on the
+    /// surface.
     pub fn move_vertex(&mut self, v: usize, point: SurfacePoint) -> Result<()> {
         if v >= self.base.len() || !point.is_valid(self.mesh, 1e-6) || !self.topology.usable[point.face as usize] {
             let what = format!("vertex {v} of {} cannot go to face {}", self.base.len(), point.face);
@@ -268,7 +280,9 @@ impl<'a> Remesher<'a> {
         Ok(())
     }
 
-    /// Has large batches computed on the device of `engine` from now on, in single precision. Where there is a device that cannot do this work, the CPU goes on and the reason comes back, in one line.
+    /// Has large batches computed on the device of `engine` from now on, in single precision. Where
+    /// there is a device that cannot do this work, the CPU goes on and the reason comes back, in
+    /// one line.
     ///
     /// # Errors
     /// As [`DeviceStencils::new`].
@@ -290,7 +304,9 @@ impl<'a> Remesher<'a> {
         Ok(None)
     }
 
-    /// Computes all vertices, in batches; each search begins at one of the points that are averaged. The vertices come as points of the surface: those of the base mesh first, then the middles of edges and faces level by level.
+    /// Computes all vertices, in batches; each search begins at one of the points that are
+    /// averaged. The vertices come as points of the surface: those of the base mesh first, then the
+    /// middles of edges and faces level by level.
     ///
     /// About a microsecond an average on the CPU: O(vertices (1 + steps)).
     ///
@@ -328,7 +344,8 @@ impl<'a> Remesher<'a> {
         Ok(&self.points)
     }
 
-    /// Some steps, and the rest length they were done with; `None` where no step lowers the variance.
+    /// Some steps, and the rest length they were done with; `None` where no step lowers the
+    /// variance.
     fn smoothed(&self, points: &[SurfacePoint], together: usize) -> Result<Option<(Steps, f64)>> {
         if let Evenness::Fixed(c) = self.evenness {
             return Ok(Some((self.batch(points, &self.pulls(points, c, 1.0), together)?, c)));
@@ -361,7 +378,8 @@ impl<'a> Remesher<'a> {
         rows
     }
 
-    /// The points after each of some steps of the same averages, and how many of the last are closest points for want of a projection.
+    /// The points after each of some steps of the same averages, and how many of the last are
+    /// closest points for want of a projection.
     fn batch(&self, points: &[SurfacePoint], rows: &Stencils, steps: usize) -> Result<Steps> {
         in_dimension!(&self.forward, forward => {
             if let Some(device) = &self.device

@@ -13,7 +13,8 @@ pub(super) struct Polygons {
     pub(super) corners: Vec<u32>,
 }
 
-/// A polygon mesh one level finer: the coarser vertices, one vertex for each edge, one for each polygon; a quad for each corner.
+/// A polygon mesh one level finer: the coarser vertices, one vertex for each edge, one for each
+/// polygon; a quad for each corner.
 #[derive(Debug)]
 pub(super) struct Refined {
     pub(super) polygons: Polygons,
@@ -25,7 +26,8 @@ impl Polygons {
     /// The polygons of a mesh, without unused vertices, and the vertices that are used.
     ///
     /// # Errors
-    /// [`Error::Mesh`] naming the face: fewer than three corners, a vertex twice; or no face at all.
+    /// [`Error::Mesh`] naming the face: fewer than three corners, a vertex twice; or no face at
+    /// all.
     pub(super) fn of(mesh: &Mesh) -> Result<(Self, Vec<u32>)> {
         let mut number = vec![NONE; mesh.vertex_count()];
         for p in 0..mesh.polygon_count() {
@@ -103,7 +105,8 @@ impl Polygons {
         Refined { polygons: finer, rows }
     }
 
-    /// The averages of one step of Laplacian smoothing: each vertex and the mean of its neighbours over edges. Vertices of edges that do not have two polygons stay.
+    /// The averages of one step of Laplacian smoothing: each vertex and the mean of its neighbours
+    /// over edges. Vertices of edges that do not have two polygons stay.
     pub(super) fn smoothing(&self, step: f64) -> Stencils {
         let edges = self.edges();
         let mut fixed = vec![false; self.vertices];

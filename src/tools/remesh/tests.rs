@@ -39,7 +39,8 @@ fn cube() -> Mesh {
     quads(positions.collect(), &faces.map(|f| f.to_vec()))
 }
 
-/// A ring of `n` by `m` quads about a torus, its rings moved a little along it by turns, so that there is something to smooth.
+/// A ring of `n` by `m` quads about a torus, its rings moved a little along it by turns, so that
+/// there is something to smooth.
 fn ring(n: u32, m: u32) -> Mesh {
     let at = |i: u32, j: u32| {
         let a = TAU * (f64::from(i) + if i.is_multiple_of(2) { 0.2 } else { -0.2 }) / f64::from(n);

@@ -25,7 +25,8 @@ pub(super) struct Camera {
 }
 
 impl Camera {
-    /// The camera of the options, with all triangles in the picture; `None` if there is nothing finite to see.
+    /// The camera of the options, with all triangles in the picture; `None` if there is nothing
+    /// finite to see.
     pub(super) fn fitted(mesh: &Mesh, options: &RenderOptions) -> Option<Self> {
         let mut seen = vec![false; mesh.vertex_count()];
         for t in 0..mesh.triangle_count() {
@@ -72,8 +73,9 @@ impl Camera {
         camera.scale.is_finite().then_some(camera)
     }
 
-    /// Pixel coordinates (x right, y down, pixel centres at halves) and depth. The depth is projective under a perspective
-    /// camera (linear in the picture) and distance along the view otherwise, in units of the shape's radius.
+    /// Pixel coordinates (x right, y down, pixel centres at halves) and depth. The depth is
+    /// projective under a perspective camera (linear in the picture) and distance along the view
+    /// otherwise, in units of the shape's radius.
     pub(super) fn project(&self, p: DVec3) -> DVec3 {
         self.project_local(self.frame.local(p))
     }
@@ -87,7 +89,8 @@ impl Camera {
             Some(d) => {
                 let d = d / self.radius;
                 let w = 1.0 / (d + z);
-                // 1 - d w: zero at the centre, growing with the distance, linear in the picture like w.
+                // 1 - d w: zero at the centre, growing with the distance, linear in the picture
+                // like w.
                 DVec3::new(d * x * w * self.scale + self.offset.x, d * y * w * self.scale + self.offset.y, 1.0 - d * w)
             }
         }

@@ -1,8 +1,8 @@
 //! Shaded pictures of meshes, made on the processor: to look at results.
 //!
-//! Triangles are sorted into bands of rows, the bands are drawn in parallel, each with its own depth buffer, so that the
-//! picture does not depend on the number of threads. Sampling is regular, [`RenderOptions::supersampling`] squared samples a
-//! pixel, averaged in linear light.
+//! Triangles are sorted into bands of rows, the bands are drawn in parallel, each with its own
+//! depth buffer, so that the picture does not depend on the number of threads. Sampling is regular,
+//! [`RenderOptions::supersampling`] squared samples a pixel, averaged in linear light.
 
 mod camera;
 mod marks;
@@ -26,11 +26,11 @@ pub const MAX_SIZE: u32 = 16384;
 pub enum Coloring<'a> {
     /// One colour, sRGB.
     Plain([u8; 3]),
-    /// One texture for all triangles that have texture coordinates (wrapped, row 0 at v = 1); the others are grey.
+    /// One texture for all triangles that have texture coordinates (wrapped, row 0 at v = 1); the
+    /// others are grey.
     Texture(&'a RgbaImage),
     /// A texture per material by its index; triangles without one are grey. A texture of one texel
-    /// needs no texture
-    /// coordinates.
+    /// needs no texture coordinates.
     Materials(&'a [Option<PlacedTexture<'a>>]),
     /// A colour per vertex of the file, sRGB, interpolated; vertices beyond the end of the slice
     /// are grey.
@@ -55,8 +55,8 @@ pub struct RenderOptions {
     pub height: u32,
     /// The axis of the mesh that points up in the picture.
     pub up: UpAxis,
-    /// Where the camera stands, degrees around the axis that points up: 0 looks at the front (the +z
-    /// side, with z up the -y side), 90 at the +x side.
+    /// Where the camera stands, degrees around the axis that points up: 0 looks at the front (the
+    /// +z side, with z up the -y side), 90 at the +x side.
     pub azimuth: f64,
     /// Height of the camera above the horizon, degrees.
     pub elevation: f64,
@@ -123,10 +123,12 @@ impl RenderOptions {
     }
 }
 
-/// Draws `mesh` from outside, fitted into the picture, with `anchors` as dots on top where they are visible.
+/// Draws `mesh` from outside, fitted into the picture, with `anchors` as dots on top where they are
+/// visible.
 ///
-/// Triangles with positions that are not finite are left out, and so are anchors that do not exist on the mesh; a mesh with nothing to draw
-/// gives the background. Triangles seen from their back are darker. O(triangles + samples).
+/// Triangles with positions that are not finite are left out, and so are anchors that do not exist
+/// on the mesh; a mesh with nothing to draw gives the background. Triangles seen from their back
+/// are darker. O(triangles + samples).
 ///
 /// # Errors
 /// [`Error::Option`] if an option is out of its range.
@@ -165,7 +167,8 @@ pub fn render(
     Ok(picture)
 }
 
-/// Pictures beside one another, centred vertically, `gap` pixels apart, on a background of sRGB and opacity.
+/// Pictures beside one another, centred vertically, `gap` pixels apart, on a background of sRGB and
+/// opacity.
 ///
 /// # Errors
 /// [`Error::Option`] if the result would be wider than four times [`MAX_SIZE`].

@@ -51,8 +51,9 @@ impl Bands {
         Self { width, height, rows, triangles }
     }
 
-    /// Draws one band: the nearest triangle wins, the lowest one on ties. A sample on an edge belongs to the triangle on its
-    /// right or below (top-left rule), so that triangles that share an edge share no sample.
+    /// Draws one band: the nearest triangle wins, the lowest one on ties. A sample on an edge
+    /// belongs to the triangle on its right or below (top-left rule), so that triangles that share
+    /// an edge share no sample.
     pub(super) fn draw(&self, band: usize, mesh: &Mesh, projected: &[DVec3]) -> Fragments {
         let first_row = band * self.rows as usize;
         let rows = (self.height as usize - first_row).min(self.rows as usize);
@@ -123,7 +124,8 @@ impl Edges {
     pub(super) fn barycentric(&self, x: DVec2) -> [f64; 3] {
         [0, 1, 2].map(|k| {
             let (a, b) = (self.p[(k + 1) % 3], self.p[(k + 2) % 3]);
-            // From the end with the lower coordinates, so that both triangles of an edge round alike.
+            // From the end with the lower coordinates, so that both triangles of an edge round
+            // alike.
             let swap = (b.x, b.y) < (a.x, a.y);
             let (a, b) = if swap { (b, a) } else { (a, b) };
             let e = (b - a).perp_dot(x - a);
@@ -132,8 +134,7 @@ impl Edges {
     }
 
     /// First and last place in the row at `y` that the triangle may own, wider than it by more than
-    /// rounding; the first is beyond the last
-    /// where there is none.
+    /// rounding; the first is beyond the last where there is none.
     fn span(&self, y: f64) -> (f64, f64) {
         let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);
         let mut largest = y.abs();
@@ -180,8 +181,8 @@ mod tests {
 
     #[test]
     fn a_known_triangle_covers_exactly_its_samples() {
-        // Right angle at the origin, legs of 4: samples (x + 1/2, y + 1/2) with x + y + 1 < 4; the diagonal x + y + 1 = 4 is a
-        // right edge, hence not owned.
+        // Right angle at the origin, legs of 4: samples (x + 1/2, y + 1/2) with x + y + 1 < 4; the
+        // diagonal x + y + 1 = 4 is a right edge, hence not owned.
         let seen = draw(&[(0.0, 0.0, 0.0), (4.0, 0.0, 0.0), (0.0, 4.0, 0.0)], &[[0, 1, 2]], 5);
         for y in 0..5 {
             for x in 0..5 {
@@ -211,7 +212,8 @@ mod tests {
 
     #[test]
     fn neighbours_share_no_sample_and_leave_none_out() {
-        // Both halves of a square through sample centres, in both orientations and alone: each sample has exactly one owner.
+        // Both halves of a square through sample centres, in both orientations and alone: each
+        // sample has exactly one owner.
         let square = [(0.5, 0.5, 0.0), (4.5, 0.5, 0.0), (4.5, 4.5, 0.0), (0.5, 4.5, 0.0)];
         for (a, b) in [([0, 1, 2], [0, 2, 3]), ([0, 2, 1], [0, 3, 2]), ([0, 1, 2], [0, 3, 2])] {
             let (one, other) = (draw(&square, &[a], 6), draw(&square, &[b], 6));

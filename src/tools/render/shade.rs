@@ -164,7 +164,8 @@ impl<'a> Shader<'a> {
             let level = 0.5 * (texels / samples).max(1.0).log2() + 0.25;
             (material, uv, level as usize)
         });
-        // Heights of the corners over their opposite edges, in samples: turns barycentrics into distances for the wireframe.
+        // Heights of the corners over their opposite edges, in samples: turns barycentrics into
+        // distances for the wireframe.
         let area = (flat[1] - flat[0]).perp_dot(flat[2] - flat[0]).abs();
         let heights = [0, 1, 2].map(|k| area / flat[(k + 1) % 3].distance(flat[(k + 2) % 3]));
         // Vertices that the file repeats may have normals and colours of their own.
@@ -221,7 +222,8 @@ impl<'a> Shader<'a> {
         color
     }
 
-    /// Sky and ground light, a key light from the upper left, a fill from the right and a faint edge light.
+    /// Sky and ground light, a key light from the upper left, a fill from the right and a faint
+    /// edge light.
     fn light(&self, color: Vec3, normal: DVec3, front: bool) -> Vec3 {
         let camera = &self.camera;
         let n = DVec3::new(normal.dot(camera.right), normal.dot(camera.up), normal.dot(camera.back));
@@ -253,7 +255,8 @@ struct Facet {
     heights: [f64; 3],
 }
 
-/// Normals by the angles of the triangles around, over all vertices at the same place, so that files that split vertices at seams look smooth.
+/// Normals by the angles of the triangles around, over all vertices at the same place, so that
+/// files that split vertices at seams look smooth.
 fn smooth_normals(mesh: &Mesh) -> Vec<DVec3> {
     let mut place: HashMap<[u64; 3], usize> = HashMap::with_capacity(mesh.vertex_count());
     let representative: Vec<usize> = mesh

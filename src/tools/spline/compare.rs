@@ -9,7 +9,8 @@ const MOST: usize = 1 << 17;
 /// Distance, in diagonals of the mesh, from which an interval is named.
 const NOTABLE: f64 = 0.01;
 
-/// An interval of parameters in which two curves are farther apart than a hundredth of the mesh's diagonal.
+/// An interval of parameters in which two curves are farther apart than a hundredth of the mesh's
+/// diagonal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DisagreementInterval {
     /// Where it begins and ends.
@@ -18,7 +19,8 @@ pub struct DisagreementInterval {
     pub distance: f64,
 }
 
-/// How far the direct spline and the subdivided one are from one another, at equal parameters, in space.
+/// How far the direct spline and the subdivided one are from one another, at equal parameters, in
+/// space.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Disagreement {
     /// The largest distance.

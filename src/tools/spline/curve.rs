@@ -11,7 +11,8 @@ use crate::surface::vector::{Vector, distance_squared};
 
 /// Points evaluated one after the other, each beginning where the one before ended.
 const CHUNK: usize = 64;
-/// Two control points farther apart than this, in mean edges, are averaged by a search over the whole surface.
+/// Two control points farther apart than this, in mean edges, are averaged by a search over the
+/// whole surface.
 const FAR: f64 = 4.0;
 
 /// A spline on a surface.
@@ -132,7 +133,8 @@ impl<const D: usize> Span<'_, D> {
         self.controls.windows(2).map(|w| distance_squared(&w[0], &w[1]).sqrt()).sum()
     }
 
-    /// Where a search for any of its points begins: at a control point where all are near one another, else everywhere.
+    /// Where a search for any of its points begins: at a control point where all are near one
+    /// another, else everywhere.
     pub(super) fn near(&self) -> u32 {
         if self.length() > FAR {
             return NONE;

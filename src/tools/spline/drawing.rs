@@ -25,10 +25,13 @@ impl Default for DrawingOptions {
     }
 }
 
-/// The curve, its control points and the outline of the mesh from a direction, as the text of an SVG file.
+/// The curve, its control points and the outline of the mesh from a direction, as the text of an
+/// SVG file.
 ///
-/// An orthographic view. The curve is black where its surface faces the eye and light and dashed where it looks away; parts that other parts of the surface hide are not found out. The outline is made of the mesh
-/// edges between triangles that face the eye and triangles that do not, and of boundary edges.
+/// An orthographic view. The curve is black where its surface faces the eye and light and dashed
+/// where it looks away; parts that other parts of the surface hide are not found out. The outline
+/// is made of the mesh edges between triangles that face the eye and triangles that do not, and of
+/// boundary edges.
 pub fn drawing(
     mesh: &Mesh,
     topology: &Topology,

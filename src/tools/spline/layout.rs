@@ -1,6 +1,7 @@
 //! Which control points a span of a spline has, and de Boor's algorithm on them.
 //!
-//! A curve of `S` spans has the parameter `u` in `0..=S`; span `s` is `s..=s + 1`. Knots are whole numbers, so that all of them are known without a table.
+//! A curve of `S` spans has the parameter `u` in `0..=S`; span `s` is `s..=s + 1`. Knots are whole
+//! numbers, so that all of them are known without a table.
 
 /// Largest degree of a curve.
 pub const MOST_DEGREE: usize = 15;
@@ -8,7 +9,8 @@ pub const MOST_DEGREE: usize = 15;
 /// How control points make a curve.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SplineKind {
-    /// A uniform B-spline. Open, its end knots are repeated, so that it begins and ends at a control point.
+    /// A uniform B-spline. Open, its end knots are repeated, so that it begins and ends at a
+    /// control point.
     #[default]
     BSpline,
     /// Bezier pieces, each beginning at the last control point of the one before.
@@ -23,12 +25,14 @@ pub(super) struct Layout {
     /// Number of control points.
     pub(super) count: usize,
     pub(super) closed: bool,
-    /// Knot at which a closed B-spline begins, its basis functions being supported on `i..=i + degree + 1`: modulo `count`.
+    /// Knot at which a closed B-spline begins, its basis functions being supported on `i..=i +
+    /// degree + 1`: modulo `count`.
     pub(super) offset: usize,
 }
 
 impl Layout {
-    /// The layout of `count` control points; `None` if there are too few, or not as many as Bezier pieces need.
+    /// The layout of `count` control points; `None` if there are too few, or not as many as Bezier
+    /// pieces need.
     pub(super) fn new(kind: SplineKind, degree: usize, count: usize, closed: bool) -> Option<Self> {
         let fits = match (kind, closed) {
             (SplineKind::BSpline, false) => count > degree,
@@ -87,7 +91,8 @@ impl Layout {
     }
 }
 
-/// De Boor's algorithm: the point at `u` of a span with these `2 degree` knots and `degree + 1` control points.
+/// De Boor's algorithm: the point at `u` of a span with these `2 degree` knots and `degree + 1`
+/// control points.
 pub(super) fn de_boor<const N: usize>(knots: &[f64], controls: &[[f64; N]], u: f64) -> [f64; N] {
     let p = controls.len() - 1;
     let mut d = [[0.0; N]; MOST_DEGREE + 1];
@@ -155,7 +160,8 @@ mod tests {
 
     #[test]
     fn known_values() {
-        // The uniform cubic at a knot: 1/6, 4/6, 1/6, about the first control point where it is closed.
+        // The uniform cubic at a knot: 1/6, 4/6, 1/6, about the first control point where it is
+        // closed.
         let l = Layout::new(SplineKind::BSpline, 3, 5, true).unwrap();
         let mut controls = vec![[0.0; 2]; 5];
         controls[0] = [1.0, 0.0];

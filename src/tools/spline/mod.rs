@@ -1,11 +1,17 @@
-//! Splines on surfaces (Panozzo et al. 2013, section 4.1, Figure 2): B-splines and Bezier curves whose points are weighted averages of control points on the surface.
+//! Splines on surfaces (Panozzo et al. 2013, section 4.1, Figure 2): B-splines and Bezier curves
+//! whose points are weighted averages of control points on the surface.
 //!
-//! [`Evaluation::Direct`] is the paper's: each point is one weighted average, the basis functions being the weights. It is the fastest, but where control points are far apart an average
-//! may have several projections nearly as close, and the curve jumps from one to another. [`Evaluation::Subdivision`] first halves all spans by repeated averages of two neighbouring control points (Lane
-//! and Riesenfeld 1980; Wallner and Pottmann 2006 and Mancinelli et al. 2022 on surfaces) until neighbours are about an edge apart, and then evaluates the finer curve in the same way: all averages are
-//! of points that are near one another or the middle of two. Where the surface is curved the two are different curves; [`Disagreement`] tells where and by how much.
+//! [`Evaluation::Direct`] is the paper's: each point is one weighted average, the basis functions
+//! being the weights. It is the fastest, but where control points are far apart an average may have
+//! several projections nearly as close, and the curve jumps from one to another.
+//! [`Evaluation::Subdivision`] first halves all spans by repeated averages of two neighbouring
+//! control points (Lane and Riesenfeld 1980; Wallner and Pottmann 2006 and Mancinelli et al. 2022
+//! on surfaces) until neighbours are about an edge apart, and then evaluates the finer curve in the
+//! same way: all averages are of points that are near one another or the middle of two. Where the
+//! surface is curved the two are different curves; [`Disagreement`] tells where and by how much.
 //!
-//! The polyline lies on the surface: every segment in one triangle, every crossing of a mesh edge a point of that edge.
+//! The polyline lies on the surface: every segment in one triangle, every crossing of a mesh edge a
+//! point of that edge.
 
 mod compare;
 mod curve;
@@ -54,7 +60,8 @@ pub enum Evaluation {
 pub struct SplineOptions {
     /// B-spline or Bezier.
     pub kind: SplineKind,
-    /// Degree: 1 to 5 of a B-spline, 1 to [`MOST_DEGREE`] of Bezier pieces. 0 takes 3 for a B-spline and for closed Bezier pieces, else a single piece.
+    /// Degree: 1 to 5 of a B-spline, 1 to [`MOST_DEGREE`] of Bezier pieces. 0 takes 3 for a
+    /// B-spline and for closed Bezier pieces, else a single piece.
     pub degree: usize,
     /// Whether the curve ends where it began.
     pub closed: bool,
@@ -92,21 +99,24 @@ pub struct CurvePoint {
     pub origin: Origin,
 }
 
-/// A place where a spline jumps: its averages have several projections nearly as close, and go from one to another.
+/// A place where a spline jumps: its averages have several projections nearly as close, and go from
+/// one to another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CurveJump {
     /// Its parameter.
     pub parameter: f64,
     /// Its length in space.
     pub length: f64,
-    /// Whether the polyline goes on over the surface, along the averages of the two ends; their parameter is that of the jump.
+    /// Whether the polyline goes on over the surface, along the averages of the two ends; their
+    /// parameter is that of the jump.
     pub bridged: bool,
 }
 
 /// A spline as a polyline on the surface.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SurfaceCurve {
-    /// Runs of points joined by segments, each within one triangle; more than one where a jump has no bridge.
+    /// Runs of points joined by segments, each within one triangle; more than one where a jump has
+    /// no bridge.
     pub runs: Vec<Vec<CurvePoint>>,
     /// The jumps.
     pub jumps: Vec<CurveJump>,
@@ -163,16 +173,19 @@ impl<'a> SplineSurface<'a> {
         })
     }
 
-    /// The spline as a polyline on the surface, evaluated adaptively. Deterministic for any number of threads.
+    /// The spline as a polyline on the surface, evaluated adaptively. Deterministic for any number
+    /// of threads.
     ///
     /// # Errors
-    /// [`Error::Option`] for options out of range; [`Error::Input`] naming the control point: too few, not on the mesh, on another component than the first, or not finite.
+    /// [`Error::Option`] for options out of range; [`Error::Input`] naming the control point: too
+    /// few, not on the mesh, on another component than the first, or not finite.
     pub fn trace(&self, controls: &[SurfacePoint], options: &SplineOptions) -> Result<SurfaceCurve> {
         let layout = self.check(controls, options)?;
         let tolerance = options.tolerance * self.diagonal;
         Ok(in_dimension!(&self.prepared, forward => {
             let (curve, levels) = self.curve(forward, layout, controls, options.evaluation);
-            // Two points an edge, and more where the tolerance is far below the bend of a piece as long as an edge.
+            // Two points an edge, and more where the tolerance is far below the bend of a piece as
+            // long as an edge.
             let edges = curve.length();
             let expected = edges * (2.0 + 0.5 / (tolerance / self.mesh.mean_edge_length()).sqrt());
             if expected > MOST_POINTS {
@@ -196,7 +209,8 @@ impl<'a> SplineSurface<'a> {
         }))
     }
 
-    /// The points of the spline at parameters of 0..=1, in parallel; fastest where these rise. About a microsecond each for a direct evaluation.
+    /// The points of the spline at parameters of 0..=1, in parallel; fastest where these rise.
+    /// About a microsecond each for a direct evaluation.
     ///
     /// # Errors
     /// As [`Self::trace`].
@@ -217,7 +231,8 @@ impl<'a> SplineSurface<'a> {
         }))
     }
 
-    /// Where the direct and the subdivided spline disagree. The evaluation that the options name does not count.
+    /// Where the direct and the subdivided spline disagree. The evaluation that the options name
+    /// does not count.
     ///
     /// # Errors
     /// As [`Self::trace`].

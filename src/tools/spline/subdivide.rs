@@ -1,10 +1,14 @@
-//! Curves by repeated averaging: every span halved, with nothing but averages of two points that are neighbours.
+//! Curves by repeated averaging: every span halved, with nothing but averages of two points that
+//! are neighbours.
 //!
-//! - Closed uniform B-splines, and open ones away from their ends: Lane and Riesenfeld 1980, every point doubled and then `degree` rounds of midpoints.
-//! - The ends of open ones: Boehm's insertion of the middles of spans, knot by knot from the end, which are weighted averages of two neighbours.
+//! - Closed uniform B-splines, and open ones away from their ends: Lane and Riesenfeld 1980, every
+//!   point doubled and then `degree` rounds of midpoints.
+//! - The ends of open ones: Boehm's insertion of the middles of spans, knot by knot from the end,
+//!   which are weighted averages of two neighbours.
 //! - Bezier pieces: de Casteljau's algorithm at the middle, midpoints of neighbours.
 //!
-//! In a plane all of these give the control points of the same curve. On a surface they make curves of their own, which stay smooth where the control points are far apart.
+//! In a plane all of these give the control points of the same curve. On a surface they make curves
+//! of their own, which stay smooth where the control points are far apart.
 
 use super::layout::{Layout, SplineKind};
 
@@ -24,7 +28,8 @@ fn doubled<P: Copy>(points: &[P]) -> Vec<P> {
     points.iter().flat_map(|p| [*p, *p]).collect()
 }
 
-/// Rounds of midpoints: point `j` becomes the average of points `j - 1` and `j`. Open, the first point is dropped in each round.
+/// Rounds of midpoints: point `j` becomes the average of points `j - 1` and `j`. Open, the first
+/// point is dropped in each round.
 fn rounds<P: Copy + Send + Sync>(points: &[P], count: usize, closed: bool, average: Average<'_, P>) -> Vec<P> {
     use rayon::prelude::*;
     let mut now = points.to_vec();
@@ -38,7 +43,8 @@ fn rounds<P: Copy + Send + Sync>(points: &[P], count: usize, closed: bool, avera
 
 fn open<P: Copy + Send + Sync>(layout: &Layout, points: &[P], average: Average<'_, P>) -> Vec<P> {
     let (p, n, after) = (layout.degree, points.len(), layout.halved().count);
-    // New point j is j + degree of the points that the rounds make of the doubled ones, where all old ones it depends on are uniform: those from degree to n - 1 - degree.
+    // New point j is j + degree of the points that the rounds make of the doubled ones, where all
+    // old ones it depends on are uniform: those from degree to n - 1 - degree.
     let depends = |j: usize| ((j.saturating_sub(1)).div_ceil(2), (j + p) / 2);
     let uniform = |j: usize| j >= 1 && depends(j).0 >= p && depends(j).1 + p < n;
     let middle: Vec<usize> = (0..after).filter(|&j| uniform(j)).collect();
@@ -52,7 +58,8 @@ fn open<P: Copy + Send + Sync>(layout: &Layout, points: &[P], average: Average<'
     if let (Some(&low), Some(&high)) = (middle.first(), middle.last()) {
         let from = depends(low).0;
         let some = rounds(&doubled(&points[from..=depends(high).1]), p, false, average);
-        // The rounds drop `degree` points, so that number k of what is left was number k + degree of the doubled ones.
+        // The rounds drop `degree` points, so that number k of what is left was number k + degree
+        // of the doubled ones.
         for (j, slot) in out.iter_mut().enumerate().take(high + 1).skip(low) {
             *slot = some[j - 2 * from];
         }
@@ -60,7 +67,8 @@ fn open<P: Copy + Send + Sync>(layout: &Layout, points: &[P], average: Average<'
     out
 }
 
-/// The control points after the middles of the first `degree + 1` spans were inserted, from the beginning on.
+/// The control points after the middles of the first `degree + 1` spans were inserted, from the
+/// beginning on.
 fn inserted<P: Copy>(layout: &Layout, points: &[P], average: Average<'_, P>) -> Vec<P> {
     let (p, spans) = (layout.degree, layout.spans());
     let mut knots: Vec<f64> = (0..=points.len() + p).map(|i| (i as f64 - p as f64).clamp(0.0, spans as f64)).collect();
@@ -114,7 +122,8 @@ mod tests {
         de_boor(&knots, &points, u)
     }
 
-    /// In a plane a halved curve is the same curve, with weights of 0..=1 all the way: for all kinds, degrees and small numbers of points.
+    /// In a plane a halved curve is the same curve, with weights of 0..=1 all the way: for all
+    /// kinds, degrees and small numbers of points.
     #[test]
     fn halved_curves_are_the_same_in_the_plane() {
         let average = |a: &[f64; 2], b: &[f64; 2], w: f64| {
@@ -158,7 +167,8 @@ mod tests {
             let forward = halve(&layout, &points, &average);
             let mut backward = halve(&layout, &points.iter().rev().copied().collect::<Vec<_>>(), &average);
             backward.reverse();
-            // The middle of an odd number of points that are all near an end belongs to one of them.
+            // The middle of an odd number of points that are all near an end belongs to one of
+            // them.
             let n = forward.len();
             for j in (0..n).filter(|&j| 2 * j + 1 != n) {
                 assert!((forward[j] - backward[j]).abs() < 1e-12, "{degree} {count} at {j}");

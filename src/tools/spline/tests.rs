@@ -70,7 +70,8 @@ fn within_a_face_the_curve_is_planar_to_rounding() {
     let model = Model::new(lobed_sphere(2, 0.3));
     let surface = SplineSurface::new(model.shape()).unwrap();
     let t = 37;
-    // The third control point lies on an edge and is named by the triangle across it, the last is a vertex.
+    // The third control point lies on an edge and is named by the triangle across it, the last is a
+    // vertex.
     let mut controls = vec![
         SurfacePoint::new(t, [0.8, 0.1, 0.1]),
         SurfacePoint::new(t, [0.05, 0.9, 0.05]),
@@ -131,7 +132,8 @@ fn closed_curves_are_closed_and_all_curves_are_cut_at_edges() {
             assert!(first.position.distance(controls[0].position(&model.mesh)) < 1e-9);
             assert!(last.position.distance(controls[11].position(&model.mesh)) < 1e-9);
         }
-        // The control points go round the equator in whole, so do the curves, and none is longer than the polygon.
+        // The control points go round the equator in whole, so do the curves, and none is longer
+        // than the polygon.
         assert!((0.8 * TAU..9.6).contains(&curve.length()), "{options:?}: {}", curve.length());
         // Where curves cross an edge they agree with a dense evaluation.
         let parameters: Vec<f64> = points.iter().map(|p| p.parameter).collect();

@@ -1,4 +1,5 @@
-//! From points of a curve to a polyline that lies on the surface: cut at mesh edges, bent as much as the tolerance asks for.
+//! From points of a curve to a polyline that lies on the surface: cut at mesh edges, bent as much
+//! as the tolerance asks for.
 
 use rayon::prelude::*;
 
@@ -10,18 +11,22 @@ use crate::surface::psi::Root;
 
 /// Samples evaluated one after the other, each beginning where the one before ended.
 const CHUNK: usize = 32;
-/// Times an interval between samples is halved: what then has no common triangle is a jump, or a passage through a vertex.
+/// Times an interval between samples is halved: what then has no common triangle is a jump, or a
+/// passage through a vertex.
 const DEPTH: u32 = 44;
-/// Points nearer to one another than this part of the mean edge, on neighbouring triangles, belong together after so many halvings.
+/// Points nearer to one another than this part of the mean edge, on neighbouring triangles, belong
+/// together after so many halvings.
 const TOUCH: f64 = 1e-6;
-/// Barycentric distance outside a triangle at which its root is no longer followed in the search for a crossing.
+/// Barycentric distance outside a triangle at which its root is no longer followed in the search
+/// for a crossing.
 const BEYOND: f64 = 1.0;
 /// Residual, in mean edges, up to which a point outside a triangle is a root there.
 const RESIDUAL: f64 = 1e-8;
 /// Steps of the search for a crossing.
 const STEPS: u32 = 60;
 
-/// Times the line over a jump is halved at most, and the distance of neighbours, in mean edges, that is near enough.
+/// Times the line over a jump is halved at most, and the distance of neighbours, in mean edges,
+/// that is near enough.
 const BRIDGE_LEVELS: u32 = 14;
 const BRIDGE_STEP: f64 = 0.5;
 
@@ -41,7 +46,9 @@ pub(super) struct Trace {
     pub(super) jumps: Vec<Jump>,
 }
 
-/// Traces a curve: at least `samples` intervals of equal length in the parameter, flat to `tolerance` (a length), each segment within a triangle. Jumps are bridged over the surface where that is possible.
+/// Traces a curve: at least `samples` intervals of equal length in the parameter, flat to
+/// `tolerance` (a length), each segment within a triangle. Jumps are bridged over the surface where
+/// that is possible.
 pub(super) fn trace<const D: usize>(curve: &Curve<'_, D>, samples: usize, tolerance: f64) -> Trace {
     trace_with(curve, samples, tolerance, true)
 }
@@ -164,7 +171,8 @@ impl<const D: usize> Tracer<'_, D> {
         }
     }
 
-    /// A way over the surface from `a` to `b`: the line of averages of the two, by repeated averaging. `None` if that jumps too.
+    /// A way over the surface from `a` to `b`: the line of averages of the two, by repeated
+    /// averaging. `None` if that jumps too.
     fn bridge(&self, a: &Sample, b: &Sample) -> Option<Vec<Sample>> {
         let curve = self.span.curve;
         let line = Layout::new(SplineKind::BSpline, 1, 2, false)?;
@@ -191,7 +199,8 @@ impl<const D: usize> Tracer<'_, D> {
             && self.span.curve.forward.coordinates_in(&m.point, face).is_some()
     }
 
-    /// A point between two, from whose triangles it is searched; the one nearer to the average where these lead to different points.
+    /// A point between two, from whose triangles it is searched; the one nearer to the average
+    /// where these lead to different points.
     fn between(&self, a: &Sample, b: &Sample, w: f64) -> Sample {
         let u = a.u + w * (b.u - a.u);
         let first = self.span.at(u, a.point.face);
@@ -204,8 +213,9 @@ impl<const D: usize> Tracer<'_, D> {
 
     /// Where the curve crosses the edge between the triangles of two samples.
     ///
-    /// On an edge Psi is the same seen from both sides, so the point and its parameter are a root of either triangle: the parameter is bracketed by the sign of the
-    /// coordinate that vanishes on the edge, followed beyond the edge, and found by regula falsi in the Illinois form.
+    /// On an edge Psi is the same seen from both sides, so the point and its parameter are a root
+    /// of either triangle: the parameter is bracketed by the sign of the coordinate that vanishes
+    /// on the edge, followed beyond the edge, and found by regula falsi in the Illinois form.
     fn crossing(&self, a: &Sample, b: &Sample) -> Option<Sample> {
         let surface = self.span.curve.forward.surface();
         let (f, g) = (a.point.face, b.point.face);

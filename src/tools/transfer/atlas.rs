@@ -27,11 +27,13 @@ pub struct AtlasTriangle {
     pub swapped: u32,
     /// Corners in sub-texels, x right and y down, with positive area.
     pub corners: [[i32; 2]; 3],
-    /// Change of barycentric coordinates 0 and 1 (in the mesh's corner order) per texel along x and y.
+    /// Change of barycentric coordinates 0 and 1 (in the mesh's corner order) per texel along x and
+    /// y.
     pub gradient: [[f32; 2]; 2],
 }
 
-/// A triangle in one bin: its edge functions and barycentric coordinates at the centre of the bin's first texel.
+/// A triangle in one bin: its edge functions and barycentric coordinates at the centre of the bin's
+/// first texel.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct BinEntry {
@@ -57,7 +59,8 @@ pub struct AtlasTexel {
     pub b0: f32,
     /// Barycentric coordinate of corner 1.
     pub b1: f32,
-    /// [`AtlasTexel::CENTRE`] or [`AtlasTexel::FOOTPRINT`] if covered, with [`AtlasTexel::OVERLAP`]; else 0.
+    /// [`AtlasTexel::CENTRE`] or [`AtlasTexel::FOOTPRINT`] if covered, with
+    /// [`AtlasTexel::OVERLAP`]; else 0.
     pub cover: u32,
 }
 
@@ -109,10 +112,11 @@ impl Tile {
 
 /// Rasterises the texels of a tile, row after row.
 ///
-/// A texel whose centre lies in one triangle or more shows the point of the lowest one; centres on an edge shared by two
-/// triangles belong to exactly one of them (a centre on an edge counts as moved to the left by an infinitesimal, and by a
-/// smaller one down). A texel whose centre lies in none but whose open unit square touches triangles shows the point closest to
-/// its centre in the closest of them, the lowest on ties.
+/// A texel whose centre lies in one triangle or more shows the point of the lowest one; centres on
+/// an edge shared by two triangles belong to exactly one of them (a centre on an edge counts as
+/// moved to the left by an infinitesimal, and by a smaller one down). A texel whose centre lies in
+/// none but whose open unit square touches triangles shows the point closest to its centre in the
+/// closest of them, the lowest on ties.
 ///
 /// Time O(texels x triangles per bin). Section 4.3 of Panozzo et al. 2013 takes texel centres only.
 pub fn rasterize_atlas(tile: &Tile, bins: &Bins, triangles: &[AtlasTriangle], texels: &mut [AtlasTexel]) {
@@ -209,13 +213,15 @@ fn touches_square(entry: &BinEntry, triangle: &AtlasTriangle, i: i32, j: i32, ce
     }
 }
 
-/// Barycentric coordinates (in the mesh's corner order) of the point of the triangle's boundary closest to `c`, and its squared distance.
+/// Barycentric coordinates (in the mesh's corner order) of the point of the triangle's boundary
+/// closest to `c`, and its squared distance.
 #[inline]
 fn closest_on_boundary(triangle: &AtlasTriangle, c: [i32; 2]) -> ([f32; 3], f32) {
     let mut best = ([0.0; 3], f32::MAX);
     for k in 0..3 {
         let (mut s, mut e) = ((k + 1) % 3, (k + 2) % 3);
-        // The same edge gives the same distance in both of its triangles only if walked in one direction.
+        // The same edge gives the same distance in both of its triangles only if walked in one
+        // direction.
         if triangle.corners[e] < triangle.corners[s] {
             (s, e) = (e, s);
         }

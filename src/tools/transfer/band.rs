@@ -1,4 +1,5 @@
-//! A window of rows that moves down the texture: texels, their images, and the footprints that need a row on either side.
+//! A window of rows that moves down the texture: texels, their images, and the footprints that need
+//! a row on either side.
 
 use rayon::prelude::*;
 

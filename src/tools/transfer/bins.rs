@@ -38,7 +38,8 @@ pub struct Atlas {
     pub mirrored: u64,
 }
 
-/// Barycentric coordinates 0 and 1 (in the mesh's corner order) as affine functions of the texel position.
+/// Barycentric coordinates 0 and 1 (in the mesh's corner order) as affine functions of the texel
+/// position.
 #[derive(Clone, Copy, Debug)]
 struct Plane {
     origin: [f64; 2],
@@ -66,11 +67,12 @@ impl Atlas {
     /// Bytes of one record.
     pub const RECORD: usize = size_of::<AtlasTriangle>() + size_of::<Plane>();
 
-    /// The triangles of `mesh` in a texture of `width` x `height` texels; with `material`, those of that material only.
+    /// The triangles of `mesh` in a texture of `width` x `height` texels; with `material`, those of
+    /// that material only.
     ///
     /// # Errors
-    /// If a triangle has a texture coordinate that is not finite or beyond 1e6, or reaches over more repeats than
-    /// 256 or 65,536 texels; if more than `most` records are needed.
+    /// If a triangle has a texture coordinate that is not finite or beyond 1e6, or reaches over
+    /// more repeats than 256 or 65,536 texels; if more than `most` records are needed.
     pub fn new(
         mesh: &Mesh,
         width: u32,
@@ -193,7 +195,8 @@ fn meets(corners: &[[i32; 2]; 3], low: [i64; 2], high: [i64; 2]) -> bool {
 
 /// Lists of triangles by the bins that a tile meets.
 ///
-/// Bins start at multiples of [`BIN`] in the texture, not in the tile, so that a texel comes out the same, bit for bit, in any tile.
+/// Bins start at multiples of [`BIN`] in the texture, not in the tile, so that a texel comes out
+/// the same, bit for bit, in any tile.
 #[derive(Clone, Debug, Default)]
 pub struct Bins {
     /// Column and row of the first bin.

@@ -4,10 +4,12 @@ use std::collections::HashMap;
 
 use crate::geometry::{Mesh, NONE};
 
-/// Chart of each triangle, or [`NONE`] without texture coordinates; charts count from 0 in the order of their first triangles.
+/// Chart of each triangle, or [`NONE`] without texture coordinates; charts count from 0 in the
+/// order of their first triangles.
 ///
-/// Triangles are of one chart if they share an edge with equal positions and equal texture coordinates at both ends, whatever
-/// vertices and texture coordinate indices the file uses for them. O(n log n).
+/// Triangles are of one chart if they share an edge with equal positions and equal texture
+/// coordinates at both ends, whatever vertices and texture coordinate indices the file uses for
+/// them. O(n log n).
 pub fn charts(mesh: &Mesh) -> Vec<u32> {
     let n = mesh.triangle_count();
     let mut corner_ids: HashMap<[u64; 5], u32> = HashMap::new();

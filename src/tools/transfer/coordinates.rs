@@ -1,4 +1,5 @@
-//! ST-maps: the source's texture coordinates of each texel of the target, so that other programs can apply the map.
+//! ST-maps: the source's texture coordinates of each texel of the target, so that other programs
+//! can apply the map.
 
 use glam::DVec2;
 use rayon::prelude::*;
@@ -14,13 +15,13 @@ use crate::surface::Status;
 /// Channels of an ST-map.
 pub(super) const CHANNELS: usize = 4;
 
-/// Writes the texels of `rows`: u, v, the coverage over 255, and 1 where there are coordinates; 0 in all of them elsewhere.
+/// Writes the texels of `rows`: u, v, the coverage over 255, and 1 where there are coordinates; 0
+/// in all of them elsewhere.
 ///
 /// Coordinates are the source file's own for tiles; else places in the picture: those of a triangle
-/// are shifted by whole
-/// repeats, and turned over with a mirrored one, so that its centroid lies in the unit square;
-/// where the picture ends at
-/// its border, they do. u runs right and v up; v = 1 is the top of the picture.
+/// are shifted by whole repeats, and turned over with a mirrored one, so that its centroid lies in
+/// the unit square; where the picture ends at its border, they do. u runs right and v up; v = 1 is
+/// the top of the picture.
 pub(super) fn write(image: &mut Image, rows: &std::ops::Range<usize>, window: &Window<'_>, lookup: &Lookup<'_>) {
     let (source, table) = (&lookup.mesh, &lookup.table);
     let Pixels::F32(samples) = &mut image.pixels else { return };

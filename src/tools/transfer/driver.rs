@@ -26,7 +26,8 @@ use crate::raster::{Depth, Image, Pixels};
 use crate::surface::PointMap;
 use crate::tools::stopwatch::Stopwatch;
 
-/// Transfers the `layers` of `source` onto the texture of `target`, all stages but the map on the CPU; see [`transfer_on`].
+/// Transfers the `layers` of `source` onto the texture of `target`, all stages but the map on the
+/// CPU; see [`transfer_on`].
 ///
 /// # Errors
 /// As [`transfer_on`], but for the device's.
@@ -43,13 +44,16 @@ pub fn transfer(
 
 /// Transfers the `layers` of `source` onto the texture of `target` where `engine` works.
 ///
-/// `map` takes points of the target to points of the source; it works where it was made for. The result is the same, byte for byte, for any
-/// number of threads and any memory limit, if the map's is. A stage that the engine keeps on the CPU, or whose data are more than the device or
-/// `options.memory` holds, runs there; [`TransferStats::notes`] says why. On devices colours may round to a neighbouring value.
+/// `map` takes points of the target to points of the source; it works where it was made for. The
+/// result is the same, byte for byte, for any number of threads and any memory limit, if the map's
+/// is. A stage that the engine keeps on the CPU, or whose data are more than the device or
+/// `options.memory` holds, runs there; [`TransferStats::notes`] says why. On devices colours may
+/// round to a neighbouring value.
 ///
 /// # Errors
-/// If an option is out of range; a mesh has no texture coordinates, or one that is not finite; a layer's pictures do not fit together;
-/// the work does not fit into `options.memory`; the map fails; or the device does.
+/// If an option is out of range; a mesh has no texture coordinates, or one that is not finite; a
+/// layer's pictures do not fit together; the work does not fit into `options.memory`; the map
+/// fails; or the device does.
 pub fn transfer_on(
     engine: &Engine,
     source: &Mesh,
@@ -214,7 +218,8 @@ fn rebases<'a>(
     lookups.iter().enumerate().map(of).collect()
 }
 
-/// Fills the holes of all pictures and returns how many texels got a colour; they are doubtful from then on.
+/// Fills the holes of all pictures and returns how many texels got a colour; they are doubtful from
+/// then on.
 fn fill_holes(
     outputs: &mut [Output<'_>],
     target: &Mesh,

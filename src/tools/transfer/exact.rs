@@ -7,18 +7,21 @@ use super::mip::MipChain;
 use crate::geometry::{NONE, Wrap};
 use crate::raster::{Image, Pixels};
 
-/// Distance to the centre of the source's texel, in texels. Below the steps of graphics devices' own filters (1/256), above what single
-/// precision makes of texture coordinates in pictures of 16384 texels (3e-3).
+/// Distance to the centre of the source's texel, in texels. Below the steps of graphics devices'
+/// own filters (1/256), above what single precision makes of texture coordinates in pictures of
+/// 16384 texels (3e-3).
 const NEAR: f32 = 1.0 / 256.0;
 /// How much each side of the footprint may differ from a texel's, in texels.
 const ALIKE: f32 = 1.0 / 64.0;
 
-/// Copies, sample for sample, the texel of the source under each texel of the result whose footprint is a whole texel there, within 1/256
-/// texel of its centre and 1/64 texel of its size (turned by right angles or mirrored, too). So where the map is the identity and sizes
-/// are the same, the result is the source bit for bit, also in 16 bits, in floats, in light, and under transparent texels, where
-/// weighting and rounding would change it.
+/// Copies, sample for sample, the texel of the source under each texel of the result whose
+/// footprint is a whole texel there, within 1/256 texel of its centre and 1/64 texel of its size
+/// (turned by right angles or mirrored, too). So where the map is the identity and sizes are the
+/// same, the result is the source bit for bit, also in 16 bits, in floats, in light, and under
+/// transparent texels, where weighting and rounding would change it.
 ///
-/// `image` gets it from texel `first` on; `texture` is the number of the chain's picture in `texture_of`. O(footprints).
+/// `image` gets it from texel `first` on; `texture` is the number of the chain's picture in
+/// `texture_of`. O(footprints).
 pub(super) fn copy_coinciding(
     image: &mut Image,
     first: usize,

@@ -7,9 +7,11 @@ use super::tables::{SourceTriangle, TargetTriangle};
 use crate::geometry::NONE;
 use crate::surface::{PackedImage, Status};
 
-/// A neighbour whose image is farther away than this many times what ratios of areas let expect is across a jump of the map.
+/// A neighbour whose image is farther away than this many times what ratios of areas let expect is
+/// across a jump of the map.
 pub const JUMP: f32 = 8.0;
-/// Two one-sided differences whose lengths differ by more than this factor are not averaged; the shorter is taken.
+/// Two one-sided differences whose lengths differ by more than this factor are not averaged; the
+/// shorter is taken.
 pub const AGREE: f32 = 4.0;
 
 /// A texel seen in the source's texture; units are those of [`SourceTriangle::texcoord`].
@@ -43,7 +45,8 @@ pub struct Located {
     pub face: u32,
     /// Chart of the source.
     pub chart: u32,
-    /// Chart of the target if the texel's centre is covered, else [`NONE`]: only such texels have meaningful differences.
+    /// Chart of the target if the texel's centre is covered, else [`NONE`]: only such texels have
+    /// meaningful differences.
     pub target_chart: u32,
 }
 
@@ -53,7 +56,8 @@ impl Located {
         Self { position: [0.0; 3], texcoord: [0.0; 2], face: NONE, chart: NONE, target_chart: NONE };
 }
 
-/// Looks up where a texel's point lies on the source: nowhere if its image is nowhere, failed, or without texture coordinates.
+/// Looks up where a texel's point lies on the source: nowhere if its image is nowhere, failed, or
+/// without texture coordinates.
 #[inline]
 pub fn locate(
     texel: &AtlasTexel,
@@ -80,13 +84,15 @@ pub fn locate(
     }
 }
 
-/// The footprint of a texel from where it and its neighbours to the left, right, above and below lie ([`Located::NOWHERE`] beyond the
-/// texture's border).
+/// The footprint of a texel from where it and its neighbours to the left, right, above and below
+/// lie ([`Located::NOWHERE`] beyond the texture's border).
 ///
-/// Differences of positions in space are turned into texture coordinates by the gradient of the texel's own source triangle, so
-/// that seams of the source's texture do not matter; where both images are of one chart and their texture coordinates differ by
-/// no more than that suggests, that difference is taken itself, being exact. Neighbours count if their centres are
-/// covered, by the same chart, with a usable image that is not across a jump. What is missing is filled in from the ratio of areas.
+/// Differences of positions in space are turned into texture coordinates by the gradient of the
+/// texel's own source triangle, so that seams of the source's texture do not matter; where both
+/// images are of one chart and their texture coordinates differ by no more than that suggests, that
+/// difference is taken itself, being exact. Neighbours count if their centres are covered, by the
+/// same chart, with a usable image that is not across a jump. What is missing is filled in from the
+/// ratio of areas.
 #[inline]
 pub fn footprint(
     located: &Located,
@@ -137,7 +143,8 @@ pub fn footprint(
     Footprint { centre: located.texcoord, dx, dy, face: located.face }
 }
 
-/// A vector at a right angle to `v`, in texels, that spans `area` with it, within a factor of two of the side of a square of that area.
+/// A vector at a right angle to `v`, in texels, that spans `area` with it, within a factor of two
+/// of the side of a square of that area.
 fn across(v: [f32; 2], area: f32, stretch: f32) -> [f32; 2] {
     let side = area.sqrt();
     let w = [v[0] * stretch, v[1] / stretch];

@@ -1,14 +1,17 @@
 //! What the samples of a layer mean.
 
-/// What the samples of a [`Layer`](super::Layer) mean, hence how they are averaged and what the map does to them.
+/// What the samples of a [`Layer`](super::Layer) mean, hence how they are averaged and what the map
+/// does to them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LayerKind {
     /// Values to average over footprints: colour, roughness, opacity.
     #[default]
     Color,
-    /// Names, not amounts: each texel gets the stored samples of the one nearest to its image, alpha included.
+    /// Names, not amounts: each texel gets the stored samples of the one nearest to its image,
+    /// alpha included.
     Labels,
-    /// Normals in the tangent space of the texture (MikkTSpace), to be expressed in that of the target.
+    /// Normals in the tangent space of the texture (MikkTSpace), to be expressed in that of the
+    /// target.
     TangentNormal {
         /// Where green points.
         y: NormalY,
@@ -20,7 +23,8 @@ pub enum LayerKind {
         /// What becomes of heights.
         relief: Relief,
     },
-    /// Heights over the surface; one half of the range of integers, and 0 of floats, is the surface itself.
+    /// Heights over the surface; one half of the range of integers, and 0 of floats, is the surface
+    /// itself.
     Displacement {
         /// What becomes of heights; only [`Relief::Local`] changes values.
         relief: Relief,
@@ -37,17 +41,19 @@ pub enum NormalY {
     Down,
 }
 
-/// What becomes of the relief that a normal or displacement map stands for, where the map stretches the surface.
+/// What becomes of the relief that a normal or displacement map stands for, where the map stretches
+/// the surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Relief {
-    /// Normals are turned by the rotation closest to the map's differential: shading keeps its contrast, as if the source's texture lay on the
-    /// target. Heights keep their values.
+    /// Normals are turned by the rotation closest to the map's differential: shading keeps its
+    /// contrast, as if the source's texture lay on the target. Heights keep their values.
     #[default]
     Turned,
-    /// Heights grow with the surface around them: what is twice as large is twice as high. Where the map stretches one way, slopes become flatter that
-    /// way and steeper the other.
+    /// Heights grow with the surface around them: what is twice as large is twice as high. Where
+    /// the map stretches one way, slopes become flatter that way and steeper the other.
     Local,
-    /// Heights grow with the mesh as a whole and keep their values in a displacement map: what is stretched beside the rest becomes flatter.
+    /// Heights grow with the mesh as a whole and keep their values in a displacement map: what is
+    /// stretched beside the rest becomes flatter.
     Mesh,
 }
 

@@ -11,7 +11,8 @@ use crate::error::{Error, Result};
 use crate::geometry::{Mesh, NONE, Placement, Wrap};
 use crate::raster::{Depth, Image, Pixels};
 
-/// One texture of the source (colour, roughness, normals ...), as a picture for all of it or one per material.
+/// One texture of the source (colour, roughness, normals ...), as a picture for all of it or one
+/// per material.
 #[derive(Clone, Debug)]
 pub struct Layer<'a> {
     /// Name, used in messages.
@@ -20,16 +21,15 @@ pub struct Layer<'a> {
     pub images: Vec<&'a Image>,
     /// Picture of each of the source's materials, [`NONE`] for a material without.
     pub material_texture: Vec<u32>,
-    /// Picture of triangles without material, or whose material is not listed; [`NONE`] if they have none.
+    /// Picture of triangles without material, or whose material is not listed; [`NONE`] if they
+    /// have none.
     pub default_texture: u32,
     /// How each picture lies on the source; empty where all lie on its texture coordinates as they
-    /// are, and repeat. A picture
-    /// that lies differently on two materials is listed twice.
+    /// are, and repeat. A picture that lies differently on two materials is listed twice.
     pub placements: Vec<Placement>,
     /// Picture of each triangle of the source, [`NONE`] for one without, where materials do not
-    /// decide it: tiles of UDIM
-    /// textures. These lie on the texture coordinates of the file, each on its unit square, and end
-    /// at their borders.
+    /// decide it: tiles of UDIM textures. These lie on the texture coordinates of the file, each on
+    /// its unit square, and end at their borders.
     pub face_texture: Option<Vec<u32>>,
     /// Colours of the source's vertices (RGBA, 0..1), which are the layer in place of pictures.
     pub vertices: Option<&'a [[f32; 4]]>,
@@ -190,7 +190,8 @@ impl<'a> Layer<'a> {
         (0..source.triangle_count()).map(of).collect()
     }
 
-    /// Channels and depth of the result: enough for every picture, and alpha for a transparent background.
+    /// Channels and depth of the result: enough for every picture, and alpha for a transparent
+    /// background.
     pub(super) fn output_format(&self, background: Background) -> (u32, Depth) {
         let color = self.vertices.is_some() || self.images.iter().any(|i| i.channels > 2);
         let opaque = self.vertices.is_none_or(|colors| colors.iter().all(|c| c[3] >= 1.0));
@@ -233,7 +234,8 @@ pub(super) fn blank(width: u32, height: u32, channels: u32, depth: Depth, backgr
     Ok(image)
 }
 
-/// Writes colours (decoded, premultiplied) into a picture from texel `first` on, where the footprint's triangle has a texture.
+/// Writes colours (decoded, premultiplied) into a picture from texel `first` on, where the
+/// footprint's triangle has a texture.
 pub(super) fn store(
     image: &mut Image,
     first: usize,

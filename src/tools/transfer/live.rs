@@ -31,7 +31,8 @@ const TEXEL: u64 = 64;
 pub struct Followed {
     /// Texels that were mapped again.
     pub mapped: usize,
-    /// Texels whose image moved, and their neighbours, whose footprints changed with them: these were coloured again.
+    /// Texels whose image moved, and their neighbours, whose footprints changed with them: these
+    /// were coloured again.
     pub recolored: usize,
     /// Texels beyond the charts' borders that got another colour.
     pub padded: usize,
@@ -39,11 +40,14 @@ pub struct Followed {
     pub changed: Option<Tile>,
 }
 
-/// A transferred texture that follows its map while anchors are edited (Panozzo et al. 2013, Fig. 13: on one mesh, moving anchors deforms its texture).
+/// A transferred texture that follows its map while anchors are edited (Panozzo et al. 2013, Fig.
+/// 13: on one mesh, moving anchors deforms its texture).
 ///
-/// Colours and coverage are at all times, byte for byte, those that [`transfer`](super::transfer) gives for the map as it is; texels that an edit does not reach are not touched. With
-/// [`FieldSession`](crate::surface::field::FieldSession), whose edits name the triangles they reach, an edit costs what changes. Colours and labels only, on the CPU; no
-/// supersampling, filling or ST-map.
+/// Colours and coverage are at all times, byte for byte, those that [`transfer`](super::transfer)
+/// gives for the map as it is; texels that an edit does not reach are not touched. With
+/// [`FieldSession`](crate::surface::field::FieldSession), whose edits name the triangles they
+/// reach, an edit costs what changes. Colours and labels only, on the CPU; no supersampling,
+/// filling or ST-map.
 pub struct LiveTransfer<'a> {
     options: TransferOptions,
     source: Vec<SourceTriangle>,
@@ -51,7 +55,8 @@ pub struct LiveTransfer<'a> {
     /// What each texel shows, and its image.
     texels: Vec<AtlasTexel>,
     images: Vec<PackedImage>,
-    /// Texels by triangle of the target: those of triangle t are `members[starts[t]..starts[t + 1]]`, rising.
+    /// Texels by triangle of the target: those of triangle t are `members[starts[t]..starts[t +
+    /// 1]]`, rising.
     starts: Vec<usize>,
     members: Vec<u32>,
     outputs: Vec<Output<'a>>,
@@ -117,9 +122,11 @@ impl<'a> LiveTransfer<'a> {
         Ok(live)
     }
 
-    /// Lets the texture follow `map` where it changed: on these triangles of the target, in any order. `map` must be what it was elsewhere, and [`LiveTransfer::new`]'s to the same source.
+    /// Lets the texture follow `map` where it changed: on these triangles of the target, in any
+    /// order. `map` must be what it was elsewhere, and [`LiveTransfer::new`]'s to the same source.
     ///
-    /// O(texels of the triangles), and of the charts' borders if texels gained or lost their colour.
+    /// O(texels of the triangles), and of the charts' borders if texels gained or lost their
+    /// colour.
     ///
     /// # Errors
     /// If there is no such triangle (then nothing has changed), or the map fails.

@@ -20,7 +20,8 @@ pub enum Alpha {
 /// How stored samples become values to average.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Encoding {
-    /// Colour channels of 8 and 16 bits hold sRGB values and are averaged as light; floats hold light already.
+    /// Colour channels of 8 and 16 bits hold sRGB values and are averaged as light; floats hold
+    /// light already.
     pub linear_light: bool,
     /// Meaning of the last of 2 or 4 channels.
     pub alpha: Alpha,
@@ -58,8 +59,9 @@ pub struct Level {
 
 /// A picture and its averages over 2 x 2, 4 x 4 ... texels, down to one texel.
 ///
-/// Each side is halved and rounded down; a texel of a level is the exact average of the box of the level below that it covers,
-/// also where a side is odd (then it reaches over parts of three texels), so every level has the mean of the picture.
+/// Each side is halved and rounded down; a texel of a level is the exact average of the box of the
+/// level below that it covers, also where a side is odd (then it reaches over parts of three
+/// texels), so every level has the mean of the picture.
 #[derive(Clone, Debug)]
 pub struct MipChain<'a> {
     /// Level 0, as stored.
@@ -73,7 +75,8 @@ pub struct MipChain<'a> {
 }
 
 impl<'a> MipChain<'a> {
-    /// The chain of `image`, which repeats. O(texels), 4/3 bytes per sample of memory (f32, a third as many as in the picture).
+    /// The chain of `image`, which repeats. O(texels), 4/3 bytes per sample of memory (f32, a third
+    /// as many as in the picture).
     ///
     /// # Errors
     /// If the picture's sizes and samples do not fit together.
@@ -117,7 +120,8 @@ impl<'a> MipChain<'a> {
     }
 }
 
-/// First texel and weights of the box that texel `i` of a halved side covers on a side of `n` texels.
+/// First texel and weights of the box that texel `i` of a halved side covers on a side of `n`
+/// texels.
 #[inline]
 fn taps(i: usize, n: usize) -> (usize, [f32; 3]) {
     if n == 1 {

@@ -1,10 +1,12 @@
 //! Texture transfer: the picture of one mesh on another, through a map between their points.
 //!
-//! The stages, each a module: the target's atlas is rasterised ([`atlas`]), covered texels are mapped to the source
-//! ([`PointMap`]), their footprints there are found ([`footprint`]) and averaged ([`sample`], on the chains of [`mip`]), and the
-//! charts' borders are padded ([`pad`]). Large textures go through in bands of rows, so that memory stays within a limit.
+//! The stages, each a module: the target's atlas is rasterised ([`atlas`]), covered texels are
+//! mapped to the source ([`PointMap`]), their footprints there are found ([`footprint`]) and
+//! averaged ([`sample`], on the chains of [`mip`]), and the charts' borders are padded ([`pad`]).
+//! Large textures go through in bands of rows, so that memory stays within a limit.
 //!
-//! Section 4.3 of Panozzo et al. 2013, with filtering (named there as future work), padding, coverage, depths and layers added.
+//! Section 4.3 of Panozzo et al. 2013, with filtering (named there as future work), padding,
+//! coverage, depths and layers added.
 
 pub mod atlas;
 pub mod bins;
@@ -77,7 +79,8 @@ pub enum Background {
     /// Alpha 0; pictures without alpha get it.
     #[default]
     Transparent,
-    /// A stored value (0..1 for integers), RGBA; grey pictures take the first and the last. Channels stay as they are.
+    /// A stored value (0..1 for integers), RGBA; grey pictures take the first and the last.
+    /// Channels stay as they are.
     Color([f32; 4]),
 }
 
@@ -90,8 +93,8 @@ pub struct TransferOptions {
     pub height: u32,
     /// Texels around the charts that are padded, by Euclidean distance of centres; 0 for none.
     pub margin: u32,
-    /// Samples along a texel's side, 1 to 4: each is rasterised, mapped and filtered for itself. The map is evaluated
-    /// (n^2 + 1) times as often for n > 1; meant as a reference of quality.
+    /// Samples along a texel's side, 1 to 4: each is rasterised, mapped and filtered for itself.
+    /// The map is evaluated (n^2 + 1) times as often for n > 1; meant as a reference of quality.
     pub supersample: u32,
     /// How the source's textures are averaged.
     pub filter: Filter,
@@ -99,7 +102,8 @@ pub struct TransferOptions {
     pub taps: u32,
     /// What texels without colour get.
     pub background: Background,
-    /// What texels of charts without colour get: those whose map failed or led to a triangle without texture.
+    /// What texels of charts without colour get: those whose map failed or led to a triangle
+    /// without texture.
     pub fill: Fill,
     /// Fill texels that the map does not vouch for, too.
     pub fill_doubtful: bool,
@@ -109,7 +113,8 @@ pub struct TransferOptions {
     pub region: UvRegion,
     /// Only the target's triangles of this material, if given.
     pub material: Option<u32>,
-    /// Bytes that may be allocated at any time, the result included, the caller's meshes and pictures not.
+    /// Bytes that may be allocated at any time, the result included, the caller's meshes and
+    /// pictures not.
     pub memory: u64,
 }
 
@@ -140,9 +145,11 @@ pub struct TransferOutput {
     pub layers: Vec<Image>,
     /// 8-bit grey with the values of [`coverage`].
     pub coverage: Image,
-    /// The ST-map, if [`TransferOptions::coordinates`] asks for it: a float picture with the source's texture coordinates u (right) and v (up)
-    /// in red and green, the coverage over 255 in blue, and alpha 1 where there are coordinates. They are 0..1 in the source's picture; for
-    /// sources with UDIM tiles ([`Layer::face_texture`]) those of the file. Sampled at the texels' centres, padded like the pictures, never filled.
+    /// The ST-map, if [`TransferOptions::coordinates`] asks for it: a float picture with the
+    /// source's texture coordinates u (right) and v (up) in red and green, the coverage over 255 in
+    /// blue, and alpha 1 where there are coordinates. They are 0..1 in the source's picture; for
+    /// sources with UDIM tiles ([`Layer::face_texture`]) those of the file. Sampled at the texels'
+    /// centres, padded like the pictures, never filled.
     pub coordinates: Option<Image>,
     /// Counts, fractions and times.
     pub stats: TransferStats,
@@ -155,7 +162,8 @@ pub struct TransferStats {
     pub texels: u64,
     /// Texels that show a point of the target; these were mapped.
     pub covered: u64,
-    /// Of these, texels whose centre lies in a chart; of the others only a part of their square does.
+    /// Of these, texels whose centre lies in a chart; of the others only a part of their square
+    /// does.
     pub covered_centre: u64,
     /// Texels whose centre lies in several triangles; the lowest one is shown.
     pub overlapping: u64,
@@ -169,7 +177,8 @@ pub struct TransferStats {
     pub filled: u64,
     /// Texels filled by padding.
     pub padded: u64,
-    /// Covered area of the target, in units of the square of the longest side of the source's box; areas of the target are scaled to the source's whole area.
+    /// Covered area of the target, in units of the square of the longest side of the source's box;
+    /// areas of the target are scaled to the source's whole area.
     pub covered_area: f64,
     /// Valid share of the covered area of the target.
     pub valid_fraction: f64,
@@ -181,8 +190,8 @@ pub struct TransferStats {
     pub degenerate_texcoords: u64,
     /// Triangles of the target that are clockwise in texture coordinates.
     pub mirrored_texcoords: u64,
-    /// Length on the target per length on the source, over all, where normals or heights were carried: the strength of a displacement map is
-    /// to be multiplied by it.
+    /// Length on the target per length on the source, over all, where normals or heights were
+    /// carried: the strength of a displacement map is to be multiplied by it.
     pub size_ratio: Option<f64>,
     /// Bytes planned for, at most the limit.
     pub memory: u64,

@@ -13,9 +13,9 @@ use crate::raster::Pixels;
 const TASK: usize = 4096;
 
 /// Looks the texel up that holds the centre of each footprint whose triangle has texture `texture`;
-/// beyond its borders the
-/// picture goes on as the chain says. `colors` has `channels` values per footprint; samples come
-/// back as they were when they are encoded in their own depth. O(footprints).
+/// beyond its borders the picture goes on as the chain says. `colors` has `channels` values per
+/// footprint; samples come back as they were when they are encoded in their own depth.
+/// O(footprints).
 pub(super) fn nearest_texels(
     chain: &MipChain<'_>,
     texture: u32,

@@ -7,8 +7,10 @@ use crate::raster::Depth;
 
 /// How a depth holds numbers that may be negative.
 ///
-/// Integers hold x in -1..1 as (x + 1) / 2, so that 0 falls between two steps; programs write it as the upper one, 128 of 255 or 32768 of
-/// 65535. That step is read as 0 along the surface's axes, so that what is flat stays flat however the axes turn.
+/// Integers hold x in -1..1 as (x + 1) / 2, so that 0 falls between two steps; programs write it as
+/// the upper one, 128 of 255 or 32768 of
+/// 65535. That step is read as 0 along the surface's axes, so that what is flat stays flat however
+///        the axes turn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct NormalCode {
     /// The value (0..1) that means 0.
@@ -34,7 +36,8 @@ impl NormalCode {
         Self { zero: 0.5, ..Self::tangent(depth) }
     }
 
-    /// The vector of a sample, pointing up the picture, of length 1 or what rounding left of it; `None` if it says nothing.
+    /// The vector of a sample, pointing up the picture, of length 1 or what rounding left of it;
+    /// `None` if it says nothing.
     pub(super) fn decode(self, c: &[f32], y: NormalY) -> Option<DVec3> {
         let [a, b, c] = [0, 1, 2].map(|k| f64::from(c[k]));
         let green = if y == NormalY::Down { -1.0 } else { 1.0 };

@@ -160,7 +160,8 @@ impl<'a> Output<'a> {
         rebase.apply(&samples, window, rows, footprints, colors);
     }
 
-    /// Replaces the colour of each texel by the mean of its samples whose centres lie in the same chart, if there are any.
+    /// Replaces the colour of each texel by the mean of its samples whose centres lie in the same
+    /// chart, if there are any.
     fn average(
         &self,
         rows: &std::ops::Range<usize>,
@@ -213,7 +214,8 @@ pub(super) struct Palette<'a> {
 }
 
 impl Palette<'_> {
-    /// Writes colours into a picture of the result's format from texel `first` on; texels of the source at their own size come over `exact`ly, if so asked.
+    /// Writes colours into a picture of the result's format from texel `first` on; texels of the
+    /// source at their own size come over `exact`ly, if so asked.
     pub(super) fn write(&self, image: &mut Image, first: usize, footprints: &[Footprint], colors: &[f32], exact: bool) {
         store(image, first, self.encoding, self.texture_of, footprints, colors);
         // What is expressed on the target is not the source's texel.

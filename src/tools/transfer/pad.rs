@@ -1,7 +1,9 @@
-//! `pad_seams`: colours beyond the charts' borders, so that filtering a texture does not mix in its background.
+//! `pad_seams`: colours beyond the charts' borders, so that filtering a texture does not mix in its
+//! background.
 //!
-//! An exact Euclidean distance in two gathers: first the nearest covered texel in each column, then the nearest of those along
-//! the row (Saito and Toriwaki 1994). Jump flooding needs more passes and misses some texels.
+//! An exact Euclidean distance in two gathers: first the nearest covered texel in each column, then
+//! the nearest of those along the row (Saito and Toriwaki 1994). Jump flooding needs more passes
+//! and misses some texels.
 
 use rayon::prelude::*;
 
@@ -13,11 +15,13 @@ pub const COVERED: u8 = 128;
 /// More than the diagonal of the largest texture: larger margins are no different.
 pub(super) const LARGEST_MARGIN: u32 = 23_171;
 
-/// For each texel of rows `rows` the index (row times width plus column) of the nearest covered texel of the picture at a
-/// distance of at most `margin` texels, the lowest index on ties, or [`NONE`]. A covered texel is its own.
+/// For each texel of rows `rows` the index (row times width plus column) of the nearest covered
+/// texel of the picture at a distance of at most `margin` texels, the lowest index on ties, or
+/// [`NONE`]. A covered texel is its own.
 ///
-/// `coverage` is the whole picture; texels from [`COVERED`] on are covered. The texture does not wrap here.
-/// Time O(margin) per uncovered texel; 4 bytes per texel of the rows and of `margin` more on either side.
+/// `coverage` is the whole picture; texels from [`COVERED`] on are covered. The texture does not
+/// wrap here. Time O(margin) per uncovered texel; 4 bytes per texel of the rows and of `margin`
+/// more on either side.
 pub fn pad_seams(coverage: &[u8], width: usize, rows: std::ops::Range<usize>, margin: u32, nearest: &mut Vec<u32>) {
     let height = coverage.len().checked_div(width).unwrap_or(0);
     let margin = margin.min(LARGEST_MARGIN);
@@ -33,7 +37,8 @@ pub fn pad_seams(coverage: &[u8], width: usize, rows: std::ops::Range<usize>, ma
     });
 }
 
-/// Row distance to the nearest covered texel of the same column, negative upwards (taken on ties); [`FAR`] beyond the margin.
+/// Row distance to the nearest covered texel of the same column, negative upwards (taken on ties);
+/// [`FAR`] beyond the margin.
 fn nearest_in_columns(
     coverage: &[u8],
     width: usize,

@@ -8,7 +8,8 @@ use super::{Layer, TransferOptions, rebase};
 use crate::error::{Error, Result};
 use crate::geometry::Mesh;
 
-/// Bytes per texel of a band and of each of its samples: texel, image, point and its image, footprint, colour, spare.
+/// Bytes per texel of a band and of each of its samples: texel, image, point and its image,
+/// footprint, colour, spare.
 const BAND_TEXEL: u64 = 128;
 /// Bytes per triangle in a bin while bins are sorted.
 pub(super) const BIN_ENTRY: u64 = 64;
@@ -66,9 +67,9 @@ fn row(options: &TransferOptions) -> u64 {
 /// Rows at hand beside a band's own: one on either side, at each resolution.
 const HALO: u64 = 2;
 
-/// The least memory with which [`super::transfer`] does this work, in bytes: results, mip chains of the sources, tables, and
-/// the smallest bands. More makes larger bands, and lets a device work: its copies count, too. Meshes whose triangles crowd a few rows
-/// may need more for their bins.
+/// The least memory with which [`super::transfer`] does this work, in bytes: results, mip chains of
+/// the sources, tables, and the smallest bands. More makes larger bands, and lets a device work:
+/// its copies count, too. Meshes whose triangles crowd a few rows may need more for their bins.
 pub fn memory_needed(source: &Mesh, layers: &[Layer<'_>], target: &Mesh, options: &TransferOptions) -> u64 {
     fixed(source, layers, target, options) + (1 + HALO) * row(options) + least_bins(target)
 }

@@ -1,13 +1,16 @@
 //! Normals and heights after sampling: expressed on the target instead of on the source.
 //!
-//! A normal n at a point of the source is read as the slope of a relief over the smooth surface: with the unit smooth normal N,
-//! n is parallel to N - grad h. The map's differential J, from the tangent plane of the target at a texel to that of the source at its image,
-//! makes a gradient of heights on the source one on the target (`differential.rs`), and that gives the normal there. J is fitted to the
-//! steps from a texel to its neighbours, on the target and between their images; where neighbours are missing or across a jump, to
-//! the edges of the texel's triangle and the images of its corners. By default gradients are only turned, by
-//! the rotation closest to J ([`Relief::Turned`]): as J depends on no texture coordinates, that has no seams. Else they are carried as the
-//! covectors they are, by the transpose of J, heights being multiplied by the local ratio of sizes 1/sqrt(det J) ([`Relief::Local`]) or by the
-//! ratio for the mesh as a whole ([`Relief::Mesh`]). In all three a scaled copy of a mesh keeps its maps.
+//! A normal n at a point of the source is read as the slope of a relief over the smooth surface:
+//! with the unit smooth normal N, n is parallel to N - grad h. The map's differential J, from the
+//! tangent plane of the target at a texel to that of the source at its image, makes a gradient of
+//! heights on the source one on the target (`differential.rs`), and that gives the normal there. J
+//! is fitted to the steps from a texel to its neighbours, on the target and between their images;
+//! where neighbours are missing or across a jump, to the edges of the texel's triangle and the
+//! images of its corners. By default gradients are only turned, by the rotation closest to J
+//! ([`Relief::Turned`]): as J depends on no texture coordinates, that has no seams. Else they are
+//! carried as the covectors they are, by the transpose of J, heights being multiplied by the local
+//! ratio of sizes 1/sqrt(det J) ([`Relief::Local`]) or by the ratio for the mesh as a whole
+//! ([`Relief::Mesh`]). In all three a scaled copy of a mesh keeps its maps.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -104,7 +107,8 @@ impl<'a> Rebase<'a> {
         Ok(Self { source, target, images, size_ratio })
     }
 
-    /// Length on the target per length on the source, over all: what the strength of a displacement map is to be multiplied by.
+    /// Length on the target per length on the source, over all: what the strength of a displacement
+    /// map is to be multiplied by.
     pub(super) fn size_ratio(&self) -> f64 {
         self.size_ratio
     }
@@ -171,7 +175,8 @@ impl<'a> Rebase<'a> {
         }
     }
 
-    /// A normal of the source, in space, as one of the target, as long as it was; without a differential the smooth one.
+    /// A normal of the source, in space, as one of the target, as long as it was; without a
+    /// differential the smooth one.
     fn carry(&self, n: DVec3, normal: DVec3, image_normal: DVec3, relief: Relief, by: Option<Differential>) -> DVec3 {
         let Some(d) = by else { return normal * n.length() };
         let tilt = n - image_normal * n.dot(image_normal);

@@ -13,8 +13,8 @@ const GREY: f32 = 3.0 / 255.0;
 const SHARE: f64 = 0.9;
 
 /// Whether a picture holds tangent-space normals: bluish vectors of unit length, and not greys.
-/// Black and fully transparent
-/// texels count as unused. O(1): some texels of a regular grid are looked at.
+/// Black and fully transparent texels count as unused. O(1): some texels of a regular grid are
+/// looked at.
 pub fn holds_normals(image: &Image) -> bool {
     let n = image.channels as usize;
     if n < 3 {

@@ -1,9 +1,10 @@
 //! `sample_texture`: the colour of a texel, averaged over its footprint on the source's texture.
 //!
-//! The footprint's matrix takes the texel's square to a parallelogram, read as an ellipse with its singular values as widths. Taps are
-//! spread along its wide side (Schilling, Knittel and Strasser 1996, "Texram"; EXT_texture_filter_anisotropic) and, unlike there,
-//! two across its narrow side: boxes of half its width put together are much closer to the footprint than one blurred box of all of it
-//! (25 against 17 dB on a chequered texture reduced four times, see the tests).
+//! The footprint's matrix takes the texel's square to a parallelogram, read as an ellipse with its
+//! singular values as widths. Taps are spread along its wide side (Schilling, Knittel and Strasser
+//! 1996, "Texram"; EXT_texture_filter_anisotropic) and, unlike there, two across its narrow side:
+//! boxes of half its width put together are much closer to the footprint than one blurred box of
+//! all of it (25 against 17 dB on a chequered texture reduced four times, see the tests).
 
 use rayon::prelude::*;
 
@@ -13,8 +14,8 @@ use super::mip::{Encoding, Level, MipChain};
 use crate::geometry::{NONE, Wrap};
 use crate::raster::Pixels;
 
-/// Footprints up to this much wider than a texel, or than a whole number of narrow sides, count as no wider, so that rounding
-/// does not blur.
+/// Footprints up to this much wider than a texel, or than a whole number of narrow sides, count as
+/// no wider, so that rounding does not blur.
 const SLACK: f32 = 1.0 / 64.0;
 /// Footprints wider than this many texels see the mean of the whole picture.
 const LARGEST_FOOTPRINT: f32 = 1e6;
@@ -24,12 +25,15 @@ const TASK: usize = 4096;
 /// How a texture is averaged.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Filter {
-    /// Over the footprint: levels of a mip chain along its narrow side, up to 16 taps along the wide one.
+    /// Over the footprint: levels of a mip chain along its narrow side, up to 16 taps along the
+    /// wide one.
     #[default]
     Anisotropic,
-    /// Levels of a mip chain by the wide side of the footprint: blurs where it is much wider than narrow.
+    /// Levels of a mip chain by the wide side of the footprint: blurs where it is much wider than
+    /// narrow.
     Trilinear,
-    /// Four texels of the picture whatever the footprint: flickers and aliases where the texture is reduced.
+    /// Four texels of the picture whatever the footprint: flickers and aliases where the texture is
+    /// reduced.
     Bilinear,
 }
 
@@ -48,8 +52,8 @@ pub struct SampleParams {
 
 /// Samples one texture at the texels whose source triangle shows it.
 ///
-/// `texture_of` holds the texture of each source triangle; `colors` gets `params.channels` decoded, premultiplied values per footprint,
-/// and is left as it is where the texture is another.
+/// `texture_of` holds the texture of each source triangle; `colors` gets `params.channels` decoded,
+/// premultiplied values per footprint, and is left as it is where the texture is another.
 ///
 /// Time O(footprints x taps).
 pub fn sample_texture(
@@ -261,8 +265,7 @@ fn floor(x: f32) -> i32 {
 const FAR: f32 = 1000.0;
 
 /// A coordinate that shows the same texels, brought near the picture: far off, the fraction of a
-/// texel would be lost, and in
-/// the end the range of integers left.
+/// texel would be lost, and in the end the range of integers left.
 #[inline]
 fn near_picture(x: f32, wrap: Wrap) -> f32 {
     match wrap {

@@ -16,7 +16,8 @@ use crate::raster::Image;
 /// Places along one edge at most, in multiples of the picture's half circumference.
 const MOST_ALONG: f64 = 4.0;
 
-/// Two texels on either side of a seam, as row times width plus column, with the charts they lie in.
+/// Two texels on either side of a seam, as row times width plus column, with the charts they lie
+/// in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct SeamPair {
     /// The texels, the lower one first.
@@ -25,8 +26,9 @@ pub struct SeamPair {
     pub charts: [u32; 2],
 }
 
-/// The pairs of texels along all seams: edges whose two triangles have different texture coordinates there. They stand half a texel
-/// inside the charts, a texel apart along the longer side. `chart` is that of each triangle ([`charts`]); triangles of other squares or materials
+/// The pairs of texels along all seams: edges whose two triangles have different texture
+/// coordinates there. They stand half a texel inside the charts, a texel apart along the longer
+/// side. `chart` is that of each triangle ([`charts`]); triangles of other squares or materials
 /// than `region` and `material` name are left out.
 ///
 /// Sorted, without repeats. O(triangles + length of the seams in texels).
@@ -138,8 +140,9 @@ pub struct SeamSteps {
     pub pairs: u64,
 }
 
-/// Measures whether the seams of a texture show: a picture without visible seams has steps across them like those inside its charts. Only
-/// texels that `coverage` calls coloured (from 128 on) and whose centres lie in their chart count.
+/// Measures whether the seams of a texture show: a picture without visible seams has steps across
+/// them like those inside its charts. Only texels that `coverage` calls coloured (from 128 on) and
+/// whose centres lie in their chart count.
 ///
 /// O(texels + triangles).
 ///

@@ -1,4 +1,5 @@
-//! What texel kernels look up by triangle: the source's geometry and texture coordinates, the target's texel sizes.
+//! What texel kernels look up by triangle: the source's geometry and texture coordinates, the
+//! target's texel sizes.
 
 use std::collections::HashMap;
 
@@ -10,8 +11,8 @@ use super::tiles::UvTile;
 use crate::error::{Error, Result};
 use crate::geometry::{Frame, Mesh, NONE, Wrap};
 
-/// A triangle of the source. Positions are centred and scaled; texture coordinates are (u, 1 - v), shifted by whole
-/// repeats (by the same for a whole chart), so that rows count down.
+/// A triangle of the source. Positions are centred and scaled; texture coordinates are (u, 1 - v),
+/// shifted by whole repeats (by the same for a whole chart), so that rows count down.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct SourceTriangle {
@@ -25,7 +26,8 @@ pub struct SourceTriangle {
     pub density: f32,
     /// Chart, or [`NONE`] without texture coordinates.
     pub chart: u32,
-    /// Square root of width over height of its picture: times u, and over it v, are distances in texels up to a common factor.
+    /// Square root of width over height of its picture: times u, and over it v, are distances in
+    /// texels up to a common factor.
     pub stretch: f32,
 }
 
@@ -35,13 +37,16 @@ pub struct SourceTriangle {
 pub struct TargetTriangle {
     /// Chart, or [`NONE`] without texture coordinates.
     pub chart: u32,
-    /// Area of a texel on the source, if the map kept ratios of areas, in the units of [`SourceTriangle::position`].
+    /// Area of a texel on the source, if the map kept ratios of areas, in the units of
+    /// [`SourceTriangle::position`].
     pub texel_area: f32,
-    /// Length of a step of one texel along x and y on the source, if the map kept ratios of lengths, in the same units.
+    /// Length of a step of one texel along x and y on the source, if the map kept ratios of
+    /// lengths, in the same units.
     pub step: [f32; 2],
 }
 
-/// Beyond this, products leave the range of single precision; triangles that thin count as without area.
+/// Beyond this, products leave the range of single precision; triangles that thin count as without
+/// area.
 const LARGEST: f32 = 1e18;
 
 /// The used vertex nearest to the centre of their box ([`crate::geometry::frame`]) and the factor
@@ -79,11 +84,12 @@ pub struct Shown {
 }
 
 /// The table of the source; `shown` tells what each triangle shows. With `tiled`, charts end at the
-/// borders of unit squares
-/// and are shifted by the corners of theirs ([`UvTile`]), so that a picture's own coordinates lie in 0..1.
+/// borders of unit squares and are shifted by the corners of theirs ([`UvTile`]), so that a
+/// picture's own coordinates lie in 0..1.
 ///
 /// # Errors
-/// If a position, or a texture coordinate of a textured triangle, is not finite, or a texture coordinate is beyond 1e6.
+/// If a position, or a texture coordinate of a textured triangle, is not finite, or a texture
+/// coordinate is beyond 1e6.
 pub fn source_triangles(mesh: &Mesh, tiled: bool, shown: impl Fn(usize) -> Shown) -> Result<Vec<SourceTriangle>> {
     check_positions(mesh)?;
     let (centre, scale) = frame(mesh);
@@ -161,8 +167,7 @@ pub fn source_triangles(mesh: &Mesh, tiled: bool, shown: impl Fn(usize) -> Shown
 }
 
 /// The table of a source whose vertices have the colours: texture coordinates are the barycentric
-/// coordinates of the second
-/// and third corner.
+/// coordinates of the second and third corner.
 ///
 /// # Errors
 /// If a position is not finite.

@@ -8,7 +8,8 @@ use super::footprint::Footprint;
 use super::{TransferStats, coverage};
 use crate::geometry::NONE;
 
-/// Coverage of a texel of a chart without colour, until all is done: neither background, which is padded, nor covered.
+/// Coverage of a texel of a chart without colour, until all is done: neither background, which is
+/// padded, nor covered.
 pub(super) const HOLE: u8 = 1;
 
 /// Counts of texels, and areas of the target that they stand for.
@@ -53,7 +54,8 @@ impl Tally {
                 sum.covered += 1;
                 sum.centre += u64::from(texel.is_centre());
                 sum.overlapping += u64::from(texel.cover & AtlasTexel::OVERLAP != 0);
-                // A texel seen at its centre stands for its area; the others' is counted by their neighbours.
+                // A texel seen at its centre stands for its area; the others' is counted by their
+                // neighbours.
                 let area =
                     if texel.is_centre() { f64::from(window.target[texel.face as usize].texel_area) } else { 0.0 };
                 sum.area += area;
@@ -112,8 +114,8 @@ impl Tally {
 }
 
 impl TransferStats {
-    /// Adds those of another picture of the same target: another tile or material. Counts and times are added, shares weighted by
-    /// area, and of memory the larger is taken.
+    /// Adds those of another picture of the same target: another tile or material. Counts and times
+    /// are added, shares weighted by area, and of memory the larger is taken.
     pub fn merge(&mut self, other: &Self) {
         let area = self.covered_area + other.covered_area;
         let share = |a: f64, b: f64| {

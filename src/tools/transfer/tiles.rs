@@ -1,7 +1,8 @@
 //! UDIM: textures in several pictures, each on a unit square of texture coordinates.
 //!
-//! The square with the lower corner (i, j) is number 1001 + i + 10 j, with i below 10 (the convention of Mari and of the Open Shading
-//! Language); names of the form `u1_v1` count both from 1 and have no such limit.
+//! The square with the lower corner (i, j) is number 1001 + i + 10 j, with i below 10 (the
+//! convention of Mari and of the Open Shading Language); names of the form `u1_v1` count both from
+//! 1 and have no such limit.
 
 use std::collections::BTreeMap;
 
@@ -12,7 +13,8 @@ use crate::geometry::Mesh;
 /// Columns and rows of squares that have a name.
 const MOST_COLUMNS: i32 = 10;
 const MOST_ROWS: i32 = 900;
-/// Triangles that reach over a border by no more than this lie on it: texture coordinates of files are rounded.
+/// Triangles that reach over a border by no more than this lie on it: texture coordinates of files
+/// are rounded.
 const SLACK: f64 = 1e-5;
 
 /// The unit square with this lower corner.
@@ -25,7 +27,8 @@ pub struct UvTile {
 }
 
 impl UvTile {
-    /// The square that the centroid of a triangle lies in; points on a border belong to the triangle's own side this way.
+    /// The square that the centroid of a triangle lies in; points on a border belong to the
+    /// triangle's own side this way.
     pub fn of(uv: &[DVec2; 3]) -> Self {
         let centroid = (uv[0] + uv[1] + uv[2]) / 3.0;
         // Casts saturate, and take NaN to 0.
@@ -56,7 +59,8 @@ pub struct TilesUsed {
 }
 
 impl TilesUsed {
-    /// Of the triangles that `wanted` names and that have texture coordinates. O(triangles log tiles).
+    /// Of the triangles that `wanted` names and that have texture coordinates. O(triangles log
+    /// tiles).
     pub fn of(mesh: &Mesh, wanted: impl Fn(usize) -> bool) -> Self {
         let mut used = Self::default();
         let count = |n: &mut (u64, usize), t: usize| {

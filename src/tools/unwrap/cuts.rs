@@ -26,7 +26,8 @@ impl Cuts {
         edges + self.loose.iter().filter(|l| **l).count()
     }
 
-    /// Cuts triangles out of their charts; from the third round on the whole charts into triangles, each of which is flat by itself.
+    /// Cuts triangles out of their charts; from the third round on the whole charts into triangles,
+    /// each of which is flat by itself.
     pub(super) fn around(&mut self, faulty: &[u32], islands: &Islands, round: u32) {
         let charts: BTreeSet<u32> = faulty.iter().map(|&t| islands.island_of[t as usize]).collect();
         let whole = round >= 2;
@@ -45,7 +46,8 @@ impl Cuts {
         }
     }
 
-    /// Cuts each ring into disks: from border to border along two shortest paths that are far from each other.
+    /// Cuts each ring into disks: from border to border along two shortest paths that are far from
+    /// each other.
     pub(super) fn part_rings(&mut self, mesh: &Mesh, islands: &Islands) {
         let mut members: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
         for (t, &i) in islands.island_of.iter().enumerate() {
@@ -65,7 +67,8 @@ impl Cuts {
     }
 }
 
-/// A chart with holes. Its vertices are places in the texture, where the atlas has joined what is one point of the surface.
+/// A chart with holes. Its vertices are places in the texture, where the atlas has joined what is
+/// one point of the surface.
 struct Ring {
     /// The sides, as triangle and corner, of each edge.
     edges: BTreeMap<[u32; 2], Vec<(u32, usize)>>,
@@ -140,8 +143,8 @@ impl Ring {
         first.into_iter().chain(second.into_iter().flatten()).collect()
     }
 
-    /// Paths that join all lines of the border, from the vertices `starts` of those that are joined already to any of another, not over the vertices
-    /// and edges given; `None` if there are none.
+    /// Paths that join all lines of the border, from the vertices `starts` of those that are joined
+    /// already to any of another, not over the vertices and edges given; `None` if there are none.
     fn join(
         &self,
         starts: &BTreeSet<u32>,
@@ -164,7 +167,8 @@ impl Ring {
         Some(path)
     }
 
-    /// Breadth first over inner edges: the predecessor and distance of each vertex reached, and the first that is an `end`.
+    /// Breadth first over inner edges: the predecessor and distance of each vertex reached, and the
+    /// first that is an `end`.
     fn search(
         &self,
         from: impl Iterator<Item = u32>,

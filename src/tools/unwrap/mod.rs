@@ -1,9 +1,11 @@
 //! Texture coordinates for meshes that have none: charts, flattened and packed.
 //!
-//! The crate `uvunwrap` grows charts by their normals, flattens them (least squares conformal maps, Levy, Petitjean, Ray and Maillot 2002,
-//! then as rigid as possible, Liu, Zhang, Xu, Gotsman and Gortler 2008) and packs them by their shapes. What it gives is not taken on trust: every
-//! triangle's orientation and every pair of triangles is checked in exact arithmetic ([`texcoords::overlaps`](crate::geometry::texcoords::overlaps)),
-//! in the precision that files keep, and what fails is cut apart and flattened again. Charts that are rings are cut in two.
+//! The crate `uvunwrap` grows charts by their normals, flattens them (least squares conformal maps,
+//! Levy, Petitjean, Ray and Maillot 2002, then as rigid as possible, Liu, Zhang, Xu, Gotsman and
+//! Gortler 2008) and packs them by their shapes. What it gives is not taken on trust: every
+//! triangle's orientation and every pair of triangles is checked in exact arithmetic
+//! ([`texcoords::overlaps`](crate::geometry::texcoords::overlaps)), in the precision that files
+//! keep, and what fails is cut apart and flattened again. Charts that are rings are cut in two.
 
 mod cuts;
 mod rebuild;
@@ -18,9 +20,11 @@ use cuts::Cuts;
 pub struct UnwrapOptions {
     /// Side of the square texture, in texels, that `gap` refers to: 16 to 16384.
     pub size: u32,
-    /// Texels between charts, and twice those at the texture's border; at least 1. Rounded up to an even number.
+    /// Texels between charts, and twice those at the texture's border; at least 1. Rounded up to an
+    /// even number.
     pub gap: u32,
-    /// Largest angle between a triangle's normal and the mean of its chart, in degrees, 1 to 89. Smaller makes flatter charts and more seams.
+    /// Largest angle between a triangle's normal and the mean of its chart, in degrees, 1 to 89.
+    /// Smaller makes flatter charts and more seams.
     pub angle: f64,
 }
 
@@ -37,11 +41,14 @@ pub struct UnwrapReport {
     pub charts: usize,
     /// Charts that are no topological disks: rings that could not be cut in two.
     pub not_disks: usize,
-    /// Triangles without area in the texture, ascending: they have none on the surface, or are too thin for single precision.
+    /// Triangles without area in the texture, ascending: they have none on the surface, or are too
+    /// thin for single precision.
     pub flat: Vec<u32>,
-    /// Polygons that had to be cut into their triangles, because they are bent too much for one chart.
+    /// Polygons that had to be cut into their triangles, because they are bent too much for one
+    /// chart.
     pub cut_polygons: usize,
-    /// Triangles that overlap others in the texture, or are mirrored; none unless all attempts failed.
+    /// Triangles that overlap others in the texture, or are mirrored; none unless all attempts
+    /// failed.
     pub faulty: Vec<u32>,
     /// Times that charts were cut apart and packed again.
     pub rounds: u32,
@@ -58,7 +65,8 @@ pub struct UnwrapReport {
 /// A mesh with charts.
 #[derive(Clone, Debug)]
 pub struct Unwrapped {
-    /// The mesh: vertices, triangles and their order as before, every triangle with texture coordinates in 0..1, counter-clockwise.
+    /// The mesh: vertices, triangles and their order as before, every triangle with texture
+    /// coordinates in 0..1, counter-clockwise.
     pub mesh: Mesh,
     /// What it is like.
     pub report: UnwrapReport,
@@ -69,12 +77,14 @@ const ROUNDS: u32 = 6;
 
 /// Makes texture coordinates for `mesh`; those it has are passed over.
 ///
-/// Charts are connected, do not overlap, keep within materials, and have equal texel density. They end at edges of more than two triangles and at
-/// boundaries. Triangles without area get a single point of the texture. Deterministic for any number of threads. A mesh of 100,000 triangles takes
+/// Charts are connected, do not overlap, keep within materials, and have equal texel density. They
+/// end at edges of more than two triangles and at boundaries. Triangles without area get a single
+/// point of the texture. Deterministic for any number of threads. A mesh of 100,000 triangles takes
 /// seconds.
 ///
 /// # Errors
-/// [`Error::Option`] for an option out of range; [`Error::Mesh`] if no triangle has an area; if the charts are too many for the texture's size.
+/// [`Error::Option`] for an option out of range; [`Error::Mesh`] if no triangle has an area; if the
+/// charts are too many for the texture's size.
 pub fn unwrap(mesh: &Mesh, topology: &Topology, options: &UnwrapOptions) -> Result<Unwrapped> {
     check(mesh, topology, options)?;
     let mut cuts = Cuts::new(mesh);

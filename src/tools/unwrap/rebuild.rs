@@ -8,9 +8,11 @@ use super::cuts::Cuts;
 use crate::error::{Error, Result};
 use crate::geometry::{Corner, Frame, Mesh, MeshBuilder, NONE};
 
-/// More triangles than this are packed by rows, which is tens of times faster with thousands of charts.
+/// More triangles than this are packed by rows, which is tens of times faster with thousands of
+/// charts.
 const SHAPES: usize = 400_000;
-/// Triangles of mean size that a chart may grow to: the time to flatten one grows faster than its size.
+/// Triangles of mean size that a chart may grow to: the time to flatten one grows faster than its
+/// size.
 const LARGEST_CHART: f64 = 20_000.0;
 
 /// The mesh in single precision, in a unit box around its middle.
@@ -96,14 +98,16 @@ impl Input {
     }
 }
 
-/// `mesh` with the texture coordinates of `atlas`, and how many of its polygons had to be cut into triangles. The triangles keep their order.
+/// `mesh` with the texture coordinates of `atlas`, and how many of its polygons had to be cut into
+/// triangles. The triangles keep their order.
 pub(super) fn with_texcoords(mesh: &Mesh, atlas: &Atlas) -> (Mesh, usize) {
     let output = &atlas.meshes[0];
     let mut builder = MeshBuilder::like(mesh);
     builder.mesh.positions.clone_from(&mesh.positions);
     builder.mesh.normals.clone_from(&mesh.normals);
     builder.mesh.colors.clone_from(&mesh.colors);
-    // The page is cut off above what is used; the texture is square. Rounded, so that files in single precision hold the same.
+    // The page is cut off above what is used; the texture is square. Rounded, so that files in
+    // single precision hold the same.
     let cropped = f64::from(atlas.height) / f64::from(atlas.width);
     let place = |uv: [f32; 2]| DVec2::new(f64::from(uv[0]), f64::from((f64::from(uv[1]) * cropped) as f32));
     builder.mesh.texcoords = output.vertices.iter().map(|v| place(v.uv)).collect();

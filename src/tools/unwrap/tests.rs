@@ -33,7 +33,8 @@ fn holds(mesh: &Mesh, result: &Unwrapped, options: &UnwrapOptions) {
     assert!(gap(new, &islands, options.size) >= 2 * options.gap.div_ceil(2) - 1, "charts are too close");
 }
 
-/// The smallest number of empty texels between two charts along rows and columns, by texels whose centres are covered.
+/// The smallest number of empty texels between two charts along rows and columns, by texels whose
+/// centres are covered.
 fn gap(mesh: &Mesh, islands: &Islands, size: u32) -> u32 {
     let n = size as usize;
     let mut shown = vec![NONE; n * n];
@@ -145,12 +146,14 @@ fn degenerate_and_non_manifold_triangles_are_named_or_cut() {
     let mut triangles = icosphere(1.0, 2).triangles();
     let n = positions.len() as u32;
     let [a, b, c] = triangles[0];
-    // A fin at an edge that has two triangles already, a needle without width, a triangle of one point, and one of repeated vertices.
+    // A fin at an edge that has two triangles already, a needle without width, a triangle of one
+    // point, and one of repeated vertices.
     positions.extend([DVec3::new(3.0, 3.0, 3.0), positions[a as usize].midpoint(positions[b as usize])]);
     triangles.push([a, b, n]);
     let first = triangles.len() as u32;
     triangles.extend([[a, n + 1, b], [c, c, c], [a, b, a]]);
-    // A component far away, oriented the other way, and a vertex that is used by nothing and is no number.
+    // A component far away, oriented the other way, and a vertex that is used by nothing and is no
+    // number.
     positions.extend([[10.0, 0.0, 0.0], [11.0, 0.0, 0.0], [10.0, 1.0, 0.0], [f64::NAN; 3]].map(DVec3::from));
     triangles.push([n + 4, n + 3, n + 2]);
     let mesh = Mesh::from_triangles("bad", positions[..positions.len() - 1].to_vec(), &triangles);
@@ -213,7 +216,8 @@ fn what_cannot_be_unwrapped_is_told() {
     assert!(message.unwrap_err().to_string().contains("--size"));
 }
 
-/// The checks of these tests see faults: a chart moved onto another, a triangle turned over, a ring.
+/// The checks of these tests see faults: a chart moved onto another, a triangle turned over, a
+/// ring.
 #[test]
 fn the_checks_reject_what_is_wrong() {
     let mesh = icosphere(1.0, 3);

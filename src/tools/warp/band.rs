@@ -7,10 +7,12 @@ use super::footprint::Seen;
 use super::gather::{Block, warp_image};
 use super::pyramid::{Pyramid, Texel, Window};
 
-/// Pixels along a side of a block: its pre-images lie close together, so that one decoded window serves them all.
+/// Pixels along a side of a block: its pre-images lie close together, so that one decoded window
+/// serves them all.
 pub const BLOCK: usize = 32;
 
-/// Whole rows of the output, from `first` on, with one value per pixel held block after block, row by row inside a block.
+/// Whole rows of the output, from `first` on, with one value per pixel held block after block, row
+/// by row inside a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Band {
     /// First row of the output.
@@ -69,7 +71,8 @@ impl Band {
         upper * self.width + left * height + (y - upper) * width + (x - left)
     }
 
-    /// Colours of all pixels of the band whose pre-images have a cover, one block at a time on each thread: see [`warp_image`].
+    /// Colours of all pixels of the band whose pre-images have a cover, one block at a time on each
+    /// thread: see [`warp_image`].
     ///
     /// `bases` has one entry for each block; the other slices one value per pixel.
     pub fn gather(

@@ -3,11 +3,13 @@
 use glam::DVec2;
 use rayon::prelude::*;
 
-/// Exact share of each pixel's square inside the loops, for rows `first .. first + rows` of a picture of `width` pixels.
+/// Exact share of each pixel's square inside the loops, for rows `first .. first + rows` of a
+/// picture of `width` pixels.
 ///
-/// Loops are in pixels of the picture and run one way around the domain and the other way around its holes; either sense will do.
-/// An edge adds to each pixel that it crosses the signed area between it and the pixel's right side; the running sum along a row
-/// is the winding number where no edge is near. Time O(pixels + edges x pixels that they cross).
+/// Loops are in pixels of the picture and run one way around the domain and the other way around
+/// its holes; either sense will do. An edge adds to each pixel that it crosses the signed area
+/// between it and the pixel's right side; the running sum along a row is the winding number where
+/// no edge is near. Time O(pixels + edges x pixels that they cross).
 pub fn pixel_cover(loops: &[Vec<DVec2>], width: usize, first: usize, rows: usize) -> Vec<f32> {
     let mut cover = vec![0.0_f32; width * rows];
     if width == 0 {

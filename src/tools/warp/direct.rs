@@ -1,4 +1,5 @@
-//! Bilinear interpolation of samples as they are stored: four are read for a pixel, too few to decode them all beforehand.
+//! Bilinear interpolation of samples as they are stored: four are read for a pixel, too few to
+//! decode them all beforehand.
 
 use super::footprint::{Bounds, Seen};
 use super::gather::{Block, Extent};
@@ -8,11 +9,13 @@ use crate::engine::{Lane, Lanes, Sweep};
 use crate::tools::transfer::color::Sample;
 use crate::tools::transfer::{Alpha, Encoding};
 
-/// Largest part of the picture that a block may see here, along each side: places in it are exact in single precision.
+/// Largest part of the picture that a block may see here, along each side: places in it are exact
+/// in single precision.
 const WIDEST: usize = 1 << 20;
 
-/// The colours of a block that sees nothing beyond the picture, bit for bit as from a window. `false`, with nothing done, where
-/// it sees more, or where decoding costs more than reading (light is looked up).
+/// The colours of a block that sees nothing beyond the picture, bit for bit as from a window.
+/// `false`, with nothing done, where it sees more, or where decoding costs more than reading (light
+/// is looked up).
 pub(super) fn bilinear(pyramid: &Pyramid<'_>, block: &Block<'_>, bounds: &Bounds, out: &mut [Texel]) -> bool {
     if pyramid.encoding().linear_light || bounds.pixels == 0 {
         return false;

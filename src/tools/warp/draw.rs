@@ -115,7 +115,8 @@ impl Canvas {
         }
     }
 
-    /// Digits, points, signs and `/` of 3 x 5 squares of `size` pixels, with the upper left corner at (x, y).
+    /// Digits, points, signs and `/` of 3 x 5 squares of `size` pixels, with the upper left corner
+    /// at (x, y).
     pub fn figures(&mut self, text: &str, x: i64, y: i64, size: i64, color: [u8; 3]) {
         let mut left = x;
         for c in text.chars() {
@@ -129,7 +130,8 @@ impl Canvas {
         }
     }
 
-    /// The part of a line near the picture (Liang and Barsky 1984); `None` if there is none, or it is not finite.
+    /// The part of a line near the picture (Liang and Barsky 1984); `None` if there is none, or it
+    /// is not finite.
     fn clip(&self, a: DVec2, b: DVec2, margin: f64) -> Option<(DVec2, DVec2)> {
         let high = DVec2::new(self.width as f64, self.height as f64) + margin;
         let along = b - a;

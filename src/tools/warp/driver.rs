@@ -68,7 +68,8 @@ impl Default for WarpOptions {
 pub struct WarpOutput {
     /// The warped picture: depth and channels of the original, and alpha if that was asked for.
     pub image: Image,
-    /// The Jacobian of the map at the pre-image of every pixel, in pixels; NaN where there is none. Row by row, if asked for.
+    /// The Jacobian of the map at the pre-image of every pixel, in pixels; NaN where there is none.
+    /// Row by row, if asked for.
     pub jacobian: Option<Vec<f32>>,
     /// Counts and times.
     pub stats: WarpStats,
@@ -95,12 +96,12 @@ pub struct WarpStats {
 
 /// Warps `image` by `map`: every pixel of the canvas gets the colour of its exact pre-image.
 ///
-/// Starts for the pre-images come from a lattice of the picture, mapped forward and rasterised. The result is the same for any
-/// number of threads. O(pixels x steps x vertices).
+/// Starts for the pre-images come from a lattice of the picture, mapped forward and rasterised. The
+/// result is the same for any number of threads. O(pixels x steps x vertices).
 ///
 /// # Errors
-/// [`Error::Option`] for a canvas without pixels or too large; [`Error::Memory`]; [`Error::Input`] for a picture whose samples do not
-/// fit its size; what the map's device returns.
+/// [`Error::Option`] for a canvas without pixels or too large; [`Error::Memory`]; [`Error::Input`]
+/// for a picture whose samples do not fit its size; what the map's device returns.
 pub fn warp_picture(
     engine: &Engine,
     image: &Image,
@@ -169,7 +170,8 @@ struct Job<'a> {
 /// The map sampled forward over the part of the picture that matters.
 struct Starts {
     lattice: Lattice,
-    /// Whether that part ends where the picture ends: then what it does not reach sees nothing of the picture.
+    /// Whether that part ends where the picture ends: then what it does not reach sees nothing of
+    /// the picture.
     clipped: bool,
 }
 
@@ -203,7 +205,8 @@ impl Job<'_> {
         Ok(Some(Starts { lattice, clipped }))
     }
 
-    /// The colours of a band into the output, gathered on the device if the engine has one for this stage.
+    /// The colours of a band into the output, gathered on the device if the engine has one for this
+    /// stage.
     fn colors(&self, band: Band, work: &mut Work, out: &mut Image) -> Result<()> {
         let (pyramid, filter) = (&self.pyramid, self.options.filter);
         let Work { bases, seen, colors, cover, .. } = work;
@@ -303,8 +306,9 @@ impl Job<'_> {
     fn look(&self, at: DVec2, base: DVec2, forward: glam::DMat2, cover: f32) -> Footprint {
         let backward = forward.inverse();
         let (dx, dy) = (backward.x_axis, backward.y_axis);
-        // How much of the pixel sees the picture, from the distance to its sides in output pixels: no jagged borders. Where the
-        // cage ends with the picture, both say the same about the same border.
+        // How much of the pixel sees the picture, from the distance to its sides in output pixels:
+        // no jagged borders. Where the cage ends with the picture, both say the same about the same
+        // border.
         let side = |p: f64, n: u32, gradient: f64| {
             let gradient = gradient.max(1e-9);
             (0.5 + p / gradient).clamp(0.0, 1.0) * (0.5 + (f64::from(n) - p) / gradient).clamp(0.0, 1.0)

@@ -1,19 +1,22 @@
 //! Elliptical weighted averages: what an output pixel sees of the picture.
 //!
-//! Paul Heckbert, "Fundamentals of Texture Mapping and Image Warping", 1989, sections 3.5 and 4: a round kernel about the output
-//! pixel is, by the derivative of the map, an elliptical one on the picture, and the colour is the weighted mean over it.
-//! Deviations: the kernel is (1 - q)^3, which is 0 beyond a finite radius and needs no exponential; an ellipse narrower than a
-//! pixel is widened to one (the picture's own samples are no finer); and large ellipses are gathered from halved pictures, whose
-//! own averaging is subtracted from the ellipse, so that the result does not jump where the level changes.
+//! Paul Heckbert, "Fundamentals of Texture Mapping and Image Warping", 1989, sections 3.5 and 4: a
+//! round kernel about the output pixel is, by the derivative of the map, an elliptical one on the
+//! picture, and the colour is the weighted mean over it. Deviations: the kernel is (1 - q)^3, which
+//! is 0 beyond a finite radius and needs no exponential; an ellipse narrower than a pixel is
+//! widened to one (the picture's own samples are no finer); and large ellipses are gathered from
+//! halved pictures, whose own averaging is subtracted from the ellipse, so that the result does not
+//! jump where the level changes.
 
 use super::pyramid::Texel;
 
-/// Second moment of the kernel along an axis, in output pixels squared. The kernel's radius is `sqrt(10 x)`: 1.5 pixels.
+/// Second moment of the kernel along an axis, in output pixels squared. The kernel's radius is
+/// `sqrt(10 x)`: 1.5 pixels.
 pub const VARIANCE: f32 = 0.225;
 /// Second moment of (1 - q)^3 over the unit disc, along an axis, inverted.
 const MOMENT: f32 = 10.0;
-/// Smallest width of the narrow side, in texels of the level that is read: wide enough that the steps between texels do not
-/// show, narrow enough that at most 20 of them are read across.
+/// Smallest width of the narrow side, in texels of the level that is read: wide enough that the
+/// steps between texels do not show, narrow enough that at most 20 of them are read across.
 const FINEST: f32 = 1.5;
 /// Ellipses are at most this much longer than wide.
 pub const LONGEST: f32 = 16.0;
@@ -36,8 +39,9 @@ pub struct Ellipse {
 }
 
 impl Ellipse {
-    /// The ellipse of the derivative whose columns `dx` and `dy` are the pixels that the pre-image moves by when the output
-    /// pixel moves right and down; `levels` is the number of levels there are.
+    /// The ellipse of the derivative whose columns `dx` and `dy` are the pixels that the pre-image
+    /// moves by when the output pixel moves right and down; `levels` is the number of levels there
+    /// are.
     #[inline]
     pub fn new(dx: [f32; 2], dy: [f32; 2], levels: u32) -> Self {
         // Wider than the picture at its coarsest is as good as this; the squares stay finite.
@@ -65,7 +69,8 @@ impl Ellipse {
         let boxed = (1.0 - scale * scale) * (1.0 / 12.0);
         let radius = |width: f32| MOMENT * (VARIANCE * (width * scale) * (width * scale) - boxed).max(VARIANCE);
         let (long, short) = (radius(wide), radius(narrow));
-        // The direction of the wide side, from whichever of the two forms of the eigenvector does not cancel.
+        // The direction of the wide side, from whichever of the two forms of the eigenvector does
+        // not cancel.
         let axis = if half >= 0.0 { [half + root, b] } else { [b, root - half] };
         let length = (axis[0] * axis[0] + axis[1] * axis[1]).sqrt();
         let [u, v] = if length > 0.0 { [axis[0] / length, axis[1] / length] } else { [1.0, 0.0] };
@@ -76,7 +81,8 @@ impl Ellipse {
     }
 }
 
-/// The mean over an ellipse about `p`, in texels of a window that holds `reach` and a texel more to every side.
+/// The mean over an ellipse about `p`, in texels of a window that holds `reach` and a texel more to
+/// every side.
 #[inline(always)]
 pub fn average(texels: &[Texel], stride: usize, p: [f32; 2], ellipse: &Ellipse) -> Texel {
     let [a, b, c] = ellipse.form;
@@ -109,7 +115,8 @@ pub fn average(texels: &[Texel], stride: usize, p: [f32; 2], ellipse: &Ellipse) 
             weights += w;
         }
     }
-    // The ellipse is at least a pixel wide and the kernel has a radius of 1.5: no weights are missing.
+    // The ellipse is at least a pixel wide and the kernel has a radius of 1.5: no weights are
+    // missing.
     let share = 1.0 / weights;
     sum.map(|s| s * share)
 }

@@ -1,6 +1,7 @@
 //! Filters that interpolate: what a picture is between its pixels.
 //!
-//! Their names and weights; [`gather`](super::gather) applies them, as the kernel `warp_image` does.
+//! Their names and weights; [`gather`](super::gather) applies them, as the kernel `warp_image`
+//! does.
 
 use std::sync::LazyLock;
 
@@ -9,8 +10,8 @@ use crate::engine::Lane;
 /// How colours are taken from the picture at a pre-image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Filter {
-    /// Averages over the ellipse that the output pixel sees, as the map's Jacobian tells; Lanczos-3 where that is no larger
-    /// than a pixel. No aliasing.
+    /// Averages over the ellipse that the output pixel sees, as the map's Jacobian tells; Lanczos-3
+    /// where that is no larger than a pixel. No aliasing.
     #[default]
     Ewa,
     /// The four nearest pixels: fast; aliases where the picture is reduced.
@@ -88,12 +89,12 @@ impl<const TAPS: usize> LanczosTable<TAPS> {
     }
 }
 
-/// Weights of `TAPS` texels, of which as many are to either side of a point `f` right of the last one before it, `0 <= f < 1`;
-/// their sum is 1.
+/// Weights of `TAPS` texels, of which as many are to either side of a point `f` right of the last
+/// one before it, `0 <= f < 1`; their sum is 1.
 ///
-/// With n = `TAPS / 2` lobes, `L(x) = n sin(pi x) sin(pi x / n) / (pi x)^2`, whose constant normalisation removes. The sines of
-/// all taps follow from those of pi f and pi f / n; f is brought below 1/2 so that no sine is a difference of larger numbers
-/// next to its zero.
+/// With n = `TAPS / 2` lobes, `L(x) = n sin(pi x) sin(pi x / n) / (pi x)^2`, whose constant
+/// normalisation removes. The sines of all taps follow from those of pi f and pi f / n; f is
+/// brought below 1/2 so that no sine is a difference of larger numbers next to its zero.
 pub fn lanczos_weights<const TAPS: usize>(f: f32) -> [f32; TAPS] {
     let lobes = TAPS / 2;
     let mirrored = f > 0.5;
@@ -121,7 +122,8 @@ pub fn lanczos_weights<const TAPS: usize>(f: f32) -> [f32; TAPS] {
     w
 }
 
-/// sin(pi x) for 0 <= x <= 1/2, within 1e-7 of its value (Taylor's series): built-in sines of kernels have no such bound.
+/// sin(pi x) for 0 <= x <= 1/2, within 1e-7 of its value (Taylor's series): built-in sines of
+/// kernels have no such bound.
 #[inline(always)]
 fn sine_pi(x: f32) -> f32 {
     let q = x * x;

@@ -5,24 +5,27 @@ use std::ops::Range;
 use crate::engine::Lane;
 use crate::engine::lane::MAX_LANES;
 
-/// Farther than this from the base, single precision does not tell pixels apart, nor is there a picture.
+/// Farther than this from the base, single precision does not tell pixels apart, nor is there a
+/// picture.
 pub(super) const FARTHEST: f32 = 4_194_304.0;
 
 /// Where an output pixel looks.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Footprint {
-    /// The pre-image of the pixel's centre, in pixels of the picture from the block's base (centres of pixels at halves).
+    /// The pre-image of the pixel's centre, in pixels of the picture from the block's base (centres
+    /// of pixels at halves).
     pub at: [f32; 2],
     /// How the pre-image moves when the output pixel moves one to the right.
     pub dx: [f32; 2],
     /// How it moves when the output pixel moves one down.
     pub dy: [f32; 2],
-    /// Share of the colour in the result, 0 for pixels that look nowhere: the others need finite numbers.
+    /// Share of the colour in the result, 0 for pixels that look nowhere: the others need finite
+    /// numbers.
     pub cover: f32,
 }
 
-/// The [`Footprint`]s of many pixels. Filters that only interpolate read a place and a cover of each, 12 bytes: so few that
-/// memory does not hold them up.
+/// The [`Footprint`]s of many pixels. Filters that only interpolate read a place and a cover of
+/// each, 12 bytes: so few that memory does not hold them up.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Footprints {
     x: Vec<f32>,
@@ -32,7 +35,8 @@ pub struct Footprints {
 }
 
 impl Footprints {
-    /// `count` pixels that look nowhere; with room for derivatives, which [`Filter::Ewa`](super::Filter::Ewa) needs, if asked for.
+    /// `count` pixels that look nowhere; with room for derivatives, which
+    /// [`Filter::Ewa`](super::Filter::Ewa) needs, if asked for.
     pub fn new(count: usize, derivatives: bool) -> Self {
         let mut footprints = Self::default();
         footprints.reset(count, derivatives);
@@ -118,13 +122,15 @@ impl<'a> Seen<'a> {
         [self.x[i], self.y[i]].map(|v| v.clamp(-FARTHEST, FARTHEST))
     }
 
-    /// How it moves when the pixel moves one to the right and one down: not at all if that was not given.
+    /// How it moves when the pixel moves one to the right and one down: not at all if that was not
+    /// given.
     #[inline(always)]
     pub(super) fn derivative(&self, i: usize) -> [[f32; 2]; 2] {
         self.derivatives.get(i).copied().unwrap_or_default()
     }
 
-    /// Smallest and largest pre-image, by component, of the pixels that look somewhere; and how many these are.
+    /// Smallest and largest pre-image, by component, of the pixels that look somewhere; and how
+    /// many these are.
     #[inline(always)]
     pub(super) fn bounds<L: Lane<E = f32>>(&self, cpu: L::Cpu) -> Bounds {
         let (zero, one) = (L::splat(cpu, 0.0), L::splat(cpu, 1.0));

@@ -6,12 +6,14 @@ use crate::geometry::Polygon;
 use crate::mapping::plane::path::polygon_at;
 use crate::mapping::plane::{Cage, Partition};
 
-/// The polygons of the map from the source to the polygon at `t` of the path: those of the partition before `t`, then that one.
+/// The polygons of the map from the source to the polygon at `t` of the path: those of the
+/// partition before `t`, then that one.
 ///
 /// At 0 this is the identity, at 1 the whole map.
 ///
 /// # Errors
-/// [`Error::Numeric`] where the path has no valid polygon at `t`; [`Error::Option`] if `t` is not in 0..=1.
+/// [`Error::Numeric`] where the path has no valid polygon at `t`; [`Error::Option`] if `t` is not
+/// in 0..=1.
 pub fn cut(cage: &Cage, partition: &Partition, t: f64) -> Result<Vec<Polygon>> {
     if !(0.0..=1.0).contains(&t) {
         return Err(Error::option("--frames", format!("there is no frame at {t}"), "Give a time from 0 to 1"));

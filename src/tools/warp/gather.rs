@@ -16,7 +16,8 @@ use crate::engine::{Lane, Lanes, Sweep};
 pub struct Block<'a> {
     /// Pixels per row.
     pub width: usize,
-    /// What pre-images are counted from, so that single precision holds them also in pictures of millions of pixels a side.
+    /// What pre-images are counted from, so that single precision holds them also in pictures of
+    /// millions of pixels a side.
     pub base: [i32; 2],
     /// Where each of them looks.
     pub seen: Seen<'a>,
@@ -63,8 +64,8 @@ impl Extent {
         extent
     }
 
-    /// What an ellipse about `p` reads; two texels more: the base may lie between texels of the level, and rows are rounded
-    /// outwards.
+    /// What an ellipse about `p` reads; two texels more: the base may lie between texels of the
+    /// level, and rows are rounded outwards.
     #[inline(always)]
     pub(super) fn of_ellipse(p: [f32; 2], ellipse: &Ellipse) -> Self {
         Self::around(p, ellipse.reach.map(|r| r as i32 + 3))
@@ -96,16 +97,19 @@ trait Gather: Sync {
     fn level(&self) -> u32;
     /// Texels of a window that are worth decoding for one pixel: about twice what it reads.
     fn worth(&self) -> usize;
-    /// What the pixels of a part read together, in texels of the level from the base, and how many take part.
+    /// What the pixels of a part read together, in texels of the level from the base, and how many
+    /// take part.
     fn extents(&self, block: &Block<'_>, part: Part) -> (Extent, usize);
-    /// Adds the colours of those pixels of a row of the block that take part, given the window and where the base lies in it.
+    /// Adds the colours of those pixels of a row of the block that take part, given the window and
+    /// where the base lies in it.
     fn add_row<L: Lane<E = f32>>(&self, cpu: L::Cpu, row: Range<usize>, window: &Grid<&[Texel]>, out: &mut [Texel]);
 }
 
-/// The colours of a block: decoded, multiplied by alpha, not yet by the cover; left as they are where that is 0.
+/// The colours of a block: decoded, multiplied by alpha, not yet by the cover; left as they are
+/// where that is 0.
 ///
-/// The mirror of the kernel of the same name. Time O(pixels x texels read); memory for a window of a few hundred texels a side.
-/// The picture is continued by its border.
+/// The mirror of the kernel of the same name. Time O(pixels x texels read); memory for a window of
+/// a few hundred texels a side. The picture is continued by its border.
 pub fn warp_image(pyramid: &Pyramid<'_>, filter: Filter, block: &Block<'_>, window: &mut Window, out: &mut [Texel]) {
     let whole = Part { x: 0, y: 0, width: block.width, height: block.seen.len() / block.width.max(1) };
     let lanczos = Lanczos(LanczosTable::<6>::get());
@@ -171,7 +175,8 @@ impl Sweep<f32> for Bound<'_> {
     }
 }
 
-/// Reads the window of a part and gathers from it, or halves the part where its pixels look too far apart.
+/// Reads the window of a part and gathers from it, or halves the part where its pixels look too far
+/// apart.
 fn run<G: Gather>(
     pyramid: &Pyramid<'_>,
     block: &Block<'_>,
@@ -206,7 +211,8 @@ fn run<G: Gather>(
     Lanes::detect().run(Apply { block, gather, part, window, shift, out });
 }
 
-/// Gathers the pixels of a part from its window: what the processor's widest instructions are used for.
+/// Gathers the pixels of a part from its window: what the processor's widest instructions are used
+/// for.
 struct Apply<'a, G> {
     block: &'a Block<'a>,
     gather: &'a G,

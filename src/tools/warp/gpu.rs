@@ -1,7 +1,8 @@
-//! Warping on a device: host half of the kernel `warp_image`; its reference is [`warp_image`](super::gather::warp_image).
+//! Warping on a device: host half of the kernel `warp_image`; its reference is
+//! [`warp_image`](super::gather::warp_image).
 //!
-//! What the pixels of a band see of each level of the pyramid is decoded on the host and sent to the device, so that pictures may
-//! be larger than its memory and have any depth.
+//! What the pixels of a band see of each level of the pyramid is decoded on the host and sent to
+//! the device, so that pictures may be larger than its memory and have any depth.
 
 use bytemuck::{Pod, Zeroable};
 use rayon::prelude::*;
@@ -21,7 +22,8 @@ use crate::kernel_layout as layout;
 const MOST_LEVELS: usize = 32;
 /// Texels sent for one band at most: 64 MiB.
 const MOST_TEXELS: usize = 1 << 22;
-/// Iterations of an invocation at most: an ellipse of 150 rows of 150 texels, for its neighbours as well.
+/// Iterations of an invocation at most: an ellipse of 150 rows of 150 texels, for its neighbours as
+/// well.
 const ITERATIONS: u64 = 150 * 150 + 64;
 
 /// Where the window of a level is.
@@ -88,11 +90,12 @@ static EWA: Kernel = kernel(&[("FILTER", 2.0)]);
 /// The kernels of this module.
 pub const KERNELS: &[&Kernel] = &[&BILINEAR, &LANCZOS, &EWA];
 
-/// The colours of pixels whose pre-images have a cover, as [`Band::gather`](super::band::Band::gather) has them; the others are
-/// left as they are.
+/// The colours of pixels whose pre-images have a cover, as
+/// [`Band::gather`](super::band::Band::gather) has them; the others are left as they are.
 ///
-/// `bases` has one entry for each block of the band. Returns `false`, with nothing done, if what the pixels see does not fit the
-/// device at once: where a map takes neighbours to places far apart; and for [`Filter::Lanczos4`], which is not in the kernel.
+/// `bases` has one entry for each block of the band. Returns `false`, with nothing done, if what
+/// the pixels see does not fit the device at once: where a map takes neighbours to places far
+/// apart; and for [`Filter::Lanczos4`], which is not in the kernel.
 ///
 /// # Errors
 /// [`Error::Memory`](crate::Error::Memory), [`Error::Capability`](crate::Error::Capability) or

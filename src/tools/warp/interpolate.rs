@@ -1,4 +1,5 @@
-//! Filters of a fixed size at runs of pixels: what is done at once for all of a run, and what for each.
+//! Filters of a fixed size at runs of pixels: what is done at once for all of a run, and what for
+//! each.
 
 use super::band::BLOCK;
 use super::filter::LanczosTable;
@@ -20,7 +21,8 @@ impl Texels for &[Texel] {
     }
 }
 
-/// Where texels lie, and pre-images in them: `seen + shift` is a place in rows of `stride` texels, whose centres are at halves.
+/// Where texels lie, and pre-images in them: `seen + shift` is a place in rows of `stride` texels,
+/// whose centres are at halves.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Grid<T> {
     pub(super) texels: T,
@@ -39,7 +41,8 @@ pub(super) trait Interpolation<T>: Sync {
     fn color<L: Lane<E = f32>>(&self, cpu: L::Cpu, grid: &Grid<T>, places: &Places, k: usize) -> Texel;
 }
 
-/// Places of up to [`BLOCK`] pixels: the texel whose centre is the last to the left and above, and the way from it.
+/// Places of up to [`BLOCK`] pixels: the texel whose centre is the last to the left and above, and
+/// the way from it.
 pub(super) struct Places {
     whole: [[u32; BLOCK]; 2],
     part: [[f32; BLOCK]; 2],
@@ -56,7 +59,8 @@ impl Places {
             let (whole, part) = (&mut places.whole[axis], &mut places.part[axis]);
             for ((v, whole), part) in values.iter().zip(whole).zip(part) {
                 let p = (v.clamp(-FARTHEST, FARTHEST) + shift[axis]) - 0.5;
-                // Nothing is negative where texels are. Rounding to the nearest, then down; no conversion is needed.
+                // Nothing is negative where texels are. Rounding to the nearest, then down; no
+                // conversion is needed.
                 let near = (p + WHOLE) - WHOLE;
                 let below = if near > p { near - 1.0 } else { near };
                 *whole = (below + WHOLE).to_bits().wrapping_sub(WHOLE.to_bits());
@@ -115,7 +119,8 @@ impl<T: Texels + Sync> Interpolation<T> for Bilinear {
     }
 }
 
-/// The windowed sinc of `TAPS / 2` lobes: `TAPS` x `TAPS` texels, each direction normalised so that constants stay.
+/// The windowed sinc of `TAPS / 2` lobes: `TAPS` x `TAPS` texels, each direction normalised so that
+/// constants stay.
 pub(super) struct Lanczos<const TAPS: usize>(pub(super) &'static LanczosTable<TAPS>);
 
 impl<const TAPS: usize> Interpolation<&[Texel]> for Lanczos<TAPS> {
@@ -129,7 +134,8 @@ impl<const TAPS: usize> Interpolation<&[Texel]> for Lanczos<TAPS> {
         let (stride, before) = (grid.stride, TAPS / 2 - 1);
         let first = places.texel(k, stride) - (before * stride + before);
         let seen = &grid.texels[first..first + (TAPS - 1) * stride + TAPS];
-        // Down the columns first: that is one multiplication for each number read, of whole rows in step.
+        // Down the columns first: that is one multiplication for each number read, of whole rows in
+        // step.
         let mut columns = [[0.0_f32; 4]; 8];
         let numbers = columns.as_flattened_mut();
         if L::N == 8 || L::N == 4 {

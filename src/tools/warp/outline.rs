@@ -1,4 +1,5 @@
-//! Outlines through a map: vertices, and as many points between them as the bend of the image asks for.
+//! Outlines through a map: vertices, and as many points between them as the bend of the image asks
+//! for.
 
 use glam::DVec2;
 
@@ -9,11 +10,13 @@ const DEPTH: u32 = 16;
 /// Points added to all outlines together, at most; where they run out, the rest is as it is.
 const MOST_POINTS: usize = 1 << 24;
 
-/// A connected line that starts at a point and goes on in segments, as the readers of files know it.
+/// A connected line that starts at a point and goes on in segments, as the readers of files know
+/// it.
 pub trait Curve {
     /// Number of segments; a point has none.
     fn segments(&self) -> usize;
-    /// The point of segment `index` at `t`, from 0 to 1. Index 0 at 0 is the start, also where there are no segments.
+    /// The point of segment `index` at `t`, from 0 to 1. Index 0 at 0 is the start, also where
+    /// there are no segments.
     fn at(&self, index: usize, t: f64) -> DVec2;
 }
 
@@ -38,12 +41,13 @@ struct Piece {
     depth: u32,
 }
 
-/// The images of `curves` under `map`, which takes many points at once: the start of each and the end of each of its segments,
-/// and between them so many points that the straight lines through the images stay within `tolerance` of the curves' images
-/// (none, if it is `None`). A curve with a point that has no image has none.
+/// The images of `curves` under `map`, which takes many points at once: the start of each and the
+/// end of each of its segments, and between them so many points that the straight lines through the
+/// images stay within `tolerance` of the curves' images (none, if it is `None`). A curve with a
+/// point that has no image has none.
 ///
-/// Pieces are halved in the middle of their parameter, so that a segment and its reverse get the same points, and neighbours
-/// that share a border keep sharing it.
+/// Pieces are halved in the middle of their parameter, so that a segment and its reverse get the
+/// same points, and neighbours that share a border keep sharing it.
 ///
 /// # Errors
 /// Those of `map`.

@@ -11,7 +11,8 @@ use crate::raster::Image;
 
 /// Width of the scale beside a picture of the Jacobian, in pixels.
 pub const SCALE_WIDTH: u32 = 72;
-/// Colours from the smallest Jacobian to the largest on a logarithmic scale; white is 1, where areas stay.
+/// Colours from the smallest Jacobian to the largest on a logarithmic scale; white is 1, where
+/// areas stay.
 const COLORS: [[f64; 3]; 5] =
     [[15.0, 45.0, 120.0], [75.0, 145.0, 205.0], [255.0, 255.0, 255.0], [240.0, 150.0, 70.0], [140.0, 20.0, 20.0]];
 /// Where the map folds.
@@ -25,9 +26,9 @@ pub const SOURCE_COLOR: [u8; 3] = [30, 110, 230];
 /// The target polygon.
 pub const TARGET_COLOR: [u8; 3] = [225, 40, 40];
 
-/// A picture of Jacobians, `width` to a row: logarithmic, from blue (shrunk) through white (1) to red (stretched); folds are
-/// magenta, places without a value grey. The scale on the right covers the powers of two that 99.5 % of
-/// the pixels need.
+/// A picture of Jacobians, `width` to a row: logarithmic, from blue (shrunk) through white (1) to
+/// red (stretched); folds are magenta, places without a value grey. The scale on the right covers
+/// the powers of two that 99.5 % of the pixels need.
 ///
 /// # Errors
 /// If there are no pixels.
@@ -75,8 +76,8 @@ fn heat(value: f64) -> [u8; 3] {
     std::array::from_fn(|c| (COLORS[i][c] + f * (COLORS[i + 1][c] - COLORS[i][c])).round() as u8)
 }
 
-/// The lines of a square lattice in the source polygon, `cells` along the longer side, as the map carries them, magenta where it folds;
-/// on white.
+/// The lines of a square lattice in the source polygon, `cells` along the longer side, as the map
+/// carries them, magenta where it folds; on white.
 ///
 /// # Errors
 /// As the map's.

@@ -4,8 +4,8 @@ use glam::{DMat2, DVec2};
 
 use crate::geometry::Polygon;
 
-/// How the pixels of a picture lie in the units of a cage: `units = pixels * scale + offset`, by component. The centres of pixels
-/// are at halves, row 0 is the top.
+/// How the pixels of a picture lie in the units of a cage: `units = pixels * scale + offset`, by
+/// component. The centres of pixels are at halves, row 0 is the top.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
     scale: DVec2,
@@ -18,14 +18,15 @@ impl Placement {
         Self { scale: DVec2::ONE, offset: DVec2::ZERO }
     }
 
-    /// The cage counts `unit` pixels as one: x to the right, y up, from the lower left corner of a picture of `height` rows.
+    /// The cage counts `unit` pixels as one: x to the right, y up, from the lower left corner of a
+    /// picture of `height` rows.
     pub fn upward(unit: u32, height: u32) -> Self {
         let unit = f64::from(unit.max(1));
         Self { scale: DVec2::new(1.0, -1.0) / unit, offset: DVec2::new(0.0, f64::from(height) / unit) }
     }
 
-    /// The rectangle from `low` to `high` fills a picture of `size` pixels as well as it fits, `margin` pixels apart from its sides;
-    /// y up.
+    /// The rectangle from `low` to `high` fills a picture of `size` pixels as well as it fits,
+    /// `margin` pixels apart from its sides; y up.
     pub fn fitting(low: DVec2, high: DVec2, size: [u32; 2], margin: f64) -> Self {
         let size = DVec2::new(f64::from(size[0]), f64::from(size[1]));
         let room = (size - 2.0 * margin).max(DVec2::ONE);
@@ -45,7 +46,8 @@ impl Placement {
         (p - self.offset) / self.scale
     }
 
-    /// The derivative of a map in pixels, from this placement's picture to one placed by `image`, given it in units.
+    /// The derivative of a map in pixels, from this placement's picture to one placed by `image`,
+    /// given it in units.
     pub fn derivative(&self, image: &Self, units: DMat2) -> DMat2 {
         DMat2::from_diagonal(image.scale.recip()) * units * DMat2::from_diagonal(self.scale)
     }

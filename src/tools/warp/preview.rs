@@ -8,11 +8,13 @@ use crate::error::{Error, Result};
 use crate::mapping::plane::{CompositeMap, Lattice, LatticeOptions, Preimages};
 use crate::raster::{Depth, Image, Pixels};
 
-/// A picture under a map that changes: dragging a vertex of the cage calls [`Preview::drag`] with each new map.
+/// A picture under a map that changes: dragging a vertex of the cage calls [`Preview::drag`] with
+/// each new map.
 ///
-/// The map is evaluated at the nodes of a [`Lattice`] over the picture, finer near the vertices of the cage, and interpolated
-/// between them: what a pixel shows comes from a point whose exact image is within 0.1 pixels of it. Colours are interpolated
-/// bilinearly in 8 bits; where the map shrinks, the full warp filters better. Pixels that no point of the picture comes to are
+/// The map is evaluated at the nodes of a [`Lattice`] over the picture, finer near the vertices of
+/// the cage, and interpolated between them: what a pixel shows comes from a point whose exact image
+/// is within 0.1 pixels of it. Colours are interpolated bilinearly in 8 bits; where the map
+/// shrinks, the full warp filters better. Pixels that no point of the picture comes to are
 /// transparent.
 #[derive(Clone, Debug)]
 pub struct Preview {
@@ -29,11 +31,12 @@ fn channels(texel: u32) -> [f32; 4] {
 }
 
 impl Preview {
-    /// A preview of `image` under `map`, whose polygons are in pixels of the picture (x right, y down); `canvas` is the size of
-    /// the pictures made.
+    /// A preview of `image` under `map`, whose polygons are in pixels of the picture (x right, y
+    /// down); `canvas` is the size of the pictures made.
     ///
     /// # Errors
-    /// [`Error::Input`] for a picture or canvas with no pixels or more than 2^28; [`Error::Device`] if the device fails.
+    /// [`Error::Input`] for a picture or canvas with no pixels or more than 2^28; [`Error::Device`]
+    /// if the device fails.
     pub fn new(engine: &Engine, image: &Image, map: &CompositeMap, canvas: UVec2) -> Result<Self> {
         image.check("the picture of a preview")?;
         for (what, w, h) in [("picture", image.width, image.height), ("canvas", canvas.x, canvas.y)] {
@@ -64,15 +67,16 @@ impl Preview {
                 ]);
             }
         });
-        // A lattice has at most so many cells in a row that a picture of 2^28 pixels has no more nodes than are allowed.
+        // A lattice has at most so many cells in a row that a picture of 2^28 pixels has no more
+        // nodes than are allowed.
         let cell = LatticeOptions::default().cell.max(f64::from(w.max(h) as u32) / 1024.0);
         let options = LatticeOptions { cell, ..LatticeOptions::default() };
         let lattice = Lattice::new(DVec2::ZERO, size.as_dvec2(), &options, |p| map.images_of_points(engine, p))?;
         Ok(Self { texels, size, canvas, lattice })
     }
 
-    /// The map has changed: its values at the nodes are taken anew. Where the source of the cage has changed as well, make a new
-    /// preview, whose lattice is fine at the new places.
+    /// The map has changed: its values at the nodes are taken anew. Where the source of the cage
+    /// has changed as well, make a new preview, whose lattice is fine at the new places.
     ///
     /// # Errors
     /// [`Error::Device`] if the device fails.
@@ -104,7 +108,8 @@ impl Preview {
         pixels.zip(preimages.covered.par_chunks(row)).for_each(|((out, points), covered)| {
             for ((out, p), covered) in out.chunks_exact_mut(4).zip(points).zip(covered) {
                 if *covered {
-                    // The centre of texel (0, 0) of the bordered picture is at (-1/2, -1/2). Casts cut off what is below zero.
+                    // The centre of texel (0, 0) of the bordered picture is at (-1/2, -1/2). Casts
+                    // cut off what is below zero.
                     let (x, y) = (p[0].clamp(-0.5, last.x) + 0.5, p[1].clamp(-0.5, last.y) + 0.5);
                     let (column, line) = ((x as usize).min(stride - 2), (y as usize).min(self.size.y as usize));
                     let at = line * stride + column;
@@ -162,7 +167,8 @@ mod tests {
         Image::new(SIDE, SIDE, 3, Pixels::U8(samples)).unwrap()
     }
 
-    /// Distance on the canvas between a pixel and the exact image of its approximate pre-image, at most.
+    /// Distance on the canvas between a pixel and the exact image of its approximate pre-image, at
+    /// most.
     fn worst(preview: &Preview, map: &CompositeMap) -> f64 {
         let found = preview.preimages();
         let seen: Vec<usize> = (0..found.points.len()).filter(|&i| found.covered[i]).collect();

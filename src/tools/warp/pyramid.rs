@@ -8,11 +8,13 @@ use crate::raster::{Image, Pixels};
 use crate::tools::transfer::color::Sample;
 use crate::tools::transfer::{Alpha, Encoding};
 
-/// One decoded texel: light or stored values, colours multiplied by alpha, in the order of the picture; unused channels are 0.
+/// One decoded texel: light or stored values, colours multiplied by alpha, in the order of the
+/// picture; unused channels are 0.
 pub type Texel = [f32; 4];
 
-/// The first level that is kept in memory: finer ones are averaged when a window is read, at no more than 16 pixels a texel, so
-/// that a pyramid takes no more than a ninth of the picture's pixels, as floats, whatever its depth.
+/// The first level that is kept in memory: finer ones are averaged when a window is read, at no
+/// more than 16 pixels a texel, so that a pyramid takes no more than a ninth of the picture's
+/// pixels, as floats, whatever its depth.
 const FIRST_KEPT: u32 = 3;
 
 /// The level whose texels are whole pictures.
@@ -22,8 +24,9 @@ fn top_level(side: u32) -> u32 {
 
 /// A picture at 1, 1/2, 1/4 ... of its size.
 ///
-/// Texel (i, j) of level l is the mean of the pixels with i 2^l <= x < (i + 1) 2^l, and y alike, that the picture has, so that
-/// a point p of the picture is the point p / 2^l of every level, also where the sides are odd.
+/// Texel (i, j) of level l is the mean of the pixels with i 2^l <= x < (i + 1) 2^l, and y alike,
+/// that the picture has, so that a point p of the picture is the point p / 2^l of every level, also
+/// where the sides are odd.
 #[derive(Debug)]
 pub struct Pyramid<'a> {
     image: &'a Image,
@@ -114,7 +117,8 @@ impl<'a> Pyramid<'a> {
             return;
         }
         let [columns, rows] = self.size(level);
-        // Columns of the window that the level has; beyond them the first and the last are repeated.
+        // Columns of the window that the level has; beyond them the first and the last are
+        // repeated.
         let first = (-i64::from(origin[0])).clamp(0, size[0] as i64 - 1) as usize;
         let end = (i64::from(columns) - i64::from(origin[0])).clamp(first as i64 + 1, size[0] as i64) as usize;
         let x = (i64::from(origin[0]) + first as i64).clamp(0, i64::from(columns) - 1) as u32;
@@ -196,7 +200,8 @@ impl<'a> Pyramid<'a> {
     }
 }
 
-/// One row of the level above `below`: means of up to four texels, each counting as the pixels it has.
+/// One row of the level above `below`: means of up to four texels, each counting as the pixels it
+/// has.
 fn halve(below: &Kept, pyramid: &Pyramid<'_>, level: u32, y: u32, out: &mut [Texel]) {
     let [width, height] = below.size;
     let pixels = |i: u32, n: u32| ((u64::from(i) + 1) << (level - 1)).min(u64::from(n)) - (u64::from(i) << (level - 1));

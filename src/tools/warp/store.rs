@@ -55,15 +55,17 @@ enum Origin<'a> {
     Gathered(Filter, &'a [[i32; 2]]),
 }
 
-/// Writes the colours of a band into `out`, which has the depth of the pyramid's picture and its channels, or alpha more.
+/// Writes the colours of a band into `out`, which has the depth of the pyramid's picture and its
+/// channels, or alpha more.
 ///
-/// Colours are mixed as they are averaged: multiplied by alpha, as light if the encoding says so. What is kept whole is copied
-/// sample by sample.
+/// Colours are mixed as they are averaged: multiplied by alpha, as light if the encoding says so.
+/// What is kept whole is copied sample by sample.
 pub fn store(pyramid: &Pyramid<'_>, colors: &[Texel], pixels: &Colors<'_>, out: &mut Image) {
     write(pyramid, Origin::Given(colors), pixels, out);
 }
 
-/// [`Band::gather`] and [`store`] at once: each block's colours are written while they are in the fastest cache.
+/// [`Band::gather`] and [`store`] at once: each block's colours are written while they are in the
+/// fastest cache.
 pub fn gather_and_store(
     pyramid: &Pyramid<'_>,
     filter: Filter,
@@ -150,7 +152,8 @@ impl<T: Round, const C: usize> Writer<'_, T, C> {
         places.par_iter().enumerate().zip(parts).for_each_init(init, work);
     }
 
-    /// Whether there is no question about any of the pixels: they are covered whole, and stored values are written.
+    /// Whether there is no question about any of the pixels: they are covered whole, and stored
+    /// values are written.
     fn is_plain(&self, cover: &[f32]) -> bool {
         let whole = cover.iter().fold(true, |all, c| all & (*c >= 1.0));
         whole && !self.alpha && !self.pyramid.encoding().linear_light
@@ -229,7 +232,8 @@ impl<T: Round, const C: usize> Sweep<f32> for Plain<'_, T, C> {
     }
 }
 
-/// Rounding without a conversion: beyond 2^23 the numbers of single precision are the whole ones, in the order of their bits.
+/// Rounding without a conversion: beyond 2^23 the numbers of single precision are the whole ones,
+/// in the order of their bits.
 trait Round: Sample {
     /// The nearest samples to stored values; halves go to the even one.
     fn round(values: [f32; 4]) -> [Self; 4];

@@ -1,4 +1,5 @@
-//! Moving, turning and scaling all handles moves, turns and scales the mesh, in one pass without any iteration.
+//! Moving, turning and scaling all handles moves, turns and scales the mesh, in one pass without
+//! any iteration.
 
 use barymap::encoding::Quality;
 use barymap::geometry::Mesh;

@@ -8,7 +8,8 @@ use barymap::models::shapes::lobed_sphere;
 use barymap::tools::morph::{Morpher, QUALITY};
 use glam::{DQuat, DVec3};
 
-/// A slender closed tube of diagonal about one, and its image under `place`, which takes the distance along it (0 to 1) and the offset.
+/// A slender closed tube of diagonal about one, and its image under `place`, which takes the
+/// distance along it (0 to 1) and the offset.
 fn body(place: impl Fn(f64, DVec3) -> DVec3) -> Mesh {
     let (around, rings) = (16, 44);
     let mut positions = Vec::new();

@@ -8,7 +8,8 @@ use glam::{DQuat, DVec3};
 use super::deformer;
 use super::tube::{Pose, Tube};
 
-/// G where Gauss-Newton on the whole mesh ends, from the given shape, by direct solves and to the last digits.
+/// G where Gauss-Newton on the whole mesh ends, from the given shape, by direct solves and to the
+/// last digits.
 fn optimum(tube: &Tube, handles: &[u32], shape: &[DVec3]) -> f64 {
     let connectivity = Connectivity::new(&tube.mesh);
     let rest: Vec<V3<f64>> = tube.mesh.positions.iter().map(|p| p.to_array()).collect();

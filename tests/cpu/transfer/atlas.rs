@@ -29,7 +29,8 @@ fn snapped(mesh: &Mesh, face: usize, width: u32, height: u32) -> [[i128; 2]; 3] 
     })
 }
 
-/// Triangles holding a texel centre, by exact integers over all repeats from -3 to 3: the centre is moved by (-e, e^2).
+/// Triangles holding a texel centre, by exact integers over all repeats from -3 to 3: the centre is
+/// moved by (-e, e^2).
 fn holders(mesh: &Mesh, width: u32, height: u32, x: u32, y: u32) -> Vec<(u32, bool)> {
     let mut found = Vec::new();
     for face in 0..mesh.triangle_count() {

@@ -49,7 +49,8 @@ fn coverage_tells_valid_doubtful_padding_and_nothing() {
     assert_eq!((s.covered, s.covered_centre, s.valid, s.doubtful, s.colorless), (1024, 1024, 512, 256, 256));
     assert_eq!((count(255), count(128), count(64)), (s.valid, s.doubtful, s.padded));
     assert!((s.valid_fraction - 0.5).abs() < 1e-9 && (s.doubtful_fraction - 0.25).abs() < 1e-9);
-    // Three texels around what has colour; failed texels are holes in the chart, which padding leaves alone.
+    // Three texels around what has colour; failed texels are holes in the chart, which padding
+    // leaves alone.
     let coloured = |x: i32, y: i32| (24..48).contains(&x) && (16..48).contains(&y);
     let hole = |x: i32, y: i32| (16..24).contains(&x) && (16..48).contains(&y);
     for (i, &c) in c.iter().enumerate() {
@@ -273,7 +274,8 @@ fn every_filter_and_format_runs_on_one_texel() {
     }
 }
 
-/// Wild but finite geometry: whatever comes out, it comes out, with colours between those of the texture.
+/// Wild but finite geometry: whatever comes out, it comes out, with colours between those of the
+/// texture.
 #[test]
 fn wild_geometry_neither_panics_nor_invents_colours() {
     let mut r = super::Random(21);

@@ -25,7 +25,8 @@ fn lookup(image: &Image, uv: DVec2) -> f64 {
     (at(i, j) * (1.0 - s) + at(i + 1, j) * s) * (1.0 - t) + (at(i, j + 1) * (1.0 - s) + at(i + 1, j + 1) * s) * t
 }
 
-/// Signal-to-noise ratio of a grey result against 8 x 8 samples per texel through `function`, in dB, over valid texels.
+/// Signal-to-noise ratio of a grey result against 8 x 8 samples per texel through `function`, in
+/// dB, over valid texels.
 fn quality(result: &Image, cover: &Image, image: &Image, function: impl Fn(DVec2) -> DVec2) -> f64 {
     let (w, h) = (result.width, result.height);
     let (mut error, mut count) = (0.0, 0);
@@ -57,7 +58,8 @@ fn measure(filter: Filter, supersample: u32, function: impl Fn(DVec2) -> DVec2 +
 
 #[test]
 fn footprints_beat_points_on_stretched_and_turned_maps() {
-    // The square is squeezed and turned within the source's square: 8 source texels per texel at most.
+    // The square is squeezed and turned within the source's square: 8 source texels per texel at
+    // most.
     for (name, x, y, angle) in [
         ("even", 0.7, 0.7, 0.3_f64),
         ("six to one", 0.9, 0.15, 0.4),
@@ -88,7 +90,8 @@ fn curved_maps_are_filtered_as_well() {
     assert!(anisotropic > bilinear + 4.0, "{anisotropic} against {bilinear} dB");
 }
 
-/// The square cut at x = 1/2 in its texture: the right half lies on the left in the texture and the other way round.
+/// The square cut at x = 1/2 in its texture: the right half lies on the left in the texture and the
+/// other way round.
 fn cut(n: usize) -> Mesh {
     let whole = grid(2 * n, 0.0, 0);
     let triangles: Vec<[[f64; 2]; 3]> =
@@ -109,7 +112,8 @@ fn cut(n: usize) -> Mesh {
 fn seams_of_the_source_do_not_widen_footprints() {
     let source = cut(4);
     let target = grid(4, 0.6, 2);
-    // Smooth over the repeat, so that both halves meet their neighbours over the texture's border; rough within.
+    // Smooth over the repeat, so that both halves meet their neighbours over the texture's border;
+    // rough within.
     let image = checker(256, 8);
     let function = |p: DVec2| p * 0.98 + 0.01;
     let map = Planar { source: &source, target: &target, function: |p| (function(p), Status::Valid) };

@@ -1,4 +1,5 @@
-//! Normal maps and labels carried between two people of the same connectivity and texture coordinates: the truth is the map itself.
+//! Normal maps and labels carried between two people of the same connectivity and texture
+//! coordinates: the truth is the map itself.
 
 use barymap::geometry::sampling::farthest_points;
 use barymap::geometry::tangent_frames::TangentFrames;

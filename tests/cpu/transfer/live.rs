@@ -85,7 +85,8 @@ fn what_cannot_follow_is_refused() {
     assert!(matches!(live.update(&Identity, &[NONE]), Err(Error::Input { .. })));
 }
 
-/// Fig. 13 of the surface paper: one mesh, anchors on it, one of them moved; the texture follows there and nowhere else.
+/// Fig. 13 of the surface paper: one mesh, anchors on it, one of them moved; the texture follows
+/// there and nowhere else.
 #[test]
 fn a_moved_anchor_pulls_the_texture_along() {
     let pair = barymap::models::character_pair();

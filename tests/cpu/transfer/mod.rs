@@ -1,4 +1,5 @@
-//! Texture transfer: exact coverage, padding and mip chains; footprints; whole transfers through simple maps.
+//! Texture transfer: exact coverage, padding and mip chains; footprints; whole transfers through
+//! simple maps.
 
 mod atlas;
 mod cases;

@@ -32,7 +32,8 @@ pub(super) fn bytes(image: &Image) -> &[u8] {
     }
 }
 
-/// Stretches a grid in space only, unevenly, so that texture and surface differ in scale from triangle to triangle.
+/// Stretches a grid in space only, unevenly, so that texture and surface differ in scale from
+/// triangle to triangle.
 fn uneven(n: usize) -> Mesh {
     let mut mesh = grid(n, 0.8, 4);
     for p in &mut mesh.positions {

@@ -29,9 +29,8 @@ impl<'a> Appearance<'a> {
     }
 
     /// Looks at the height textures of materials without a normal texture: `map_Bump` names both
-    /// kinds. Names those that
-    /// hold normals and are taken as such from now on. What cannot be read is told when it is read
-    /// as a height.
+    /// kinds. Names those that hold normals and are taken as such from now on. What cannot be read
+    /// is told when it is read as a height.
     pub(super) fn recognise_normals(&mut self, told: impl Fn(&str)) {
         for (m, material) in self.source.materials.iter().enumerate() {
             let Some(height) = material.texture("height").filter(|_| self.used[m]) else { continue };
@@ -127,9 +126,8 @@ pub(super) fn tiles(content: &TextureContent) -> Option<TextureName> {
 }
 
 /// The factors of a material that multiply its picture in a role, as glTF says (2.0, sections 3.9.2
-/// and 5.19); `None` where
-/// all are 1. Diffuse colours beside a picture are leftovers in most MTL files, and are passed
-/// over.
+/// and 5.19); `None` where all are 1. Diffuse colours beside a picture are leftovers in most MTL
+/// files, and are passed over.
 pub(super) fn factors(role: &str, material: &Material) -> Option<[f32; 4]> {
     let look = &material.look;
     let gltf = material.has_base_color && !material.srgb_base_color;

@@ -34,12 +34,11 @@ pub(crate) struct Arguments {
     /// The mesh with the texture
     #[arg(long)]
     source: PathBuf,
-    /// A texture of the source: FILE, or for one of its materials MATERIAL=FILE, or in a role (base_color, roughness, normal ...)
-    /// ROLE=FILE or ROLE:MATERIAL=FILE. FILE may be one file a tile: skin.<UDIM>.png, or
-    /// vertex-colors for the colours of the
-    /// source's vertices. Repeat for several layers. Without it the textures and colours of the
-    /// source's materials are
-    /// taken, or its vertex colours where no picture is named
+    /// A texture of the source: FILE, or for one of its materials MATERIAL=FILE, or in a role
+    /// (base_color, roughness, normal ...) ROLE=FILE or ROLE:MATERIAL=FILE. FILE may be one file a
+    /// tile: skin.<UDIM>.png, or vertex-colors for the colours of the source's vertices. Repeat for
+    /// several layers. Without it the textures and colours of the source's materials are taken, or
+    /// its vertex colours where no picture is named
     #[arg(long)]
     texture: Vec<String>,
     /// The mesh that receives it, with texture coordinates or with --unwrap
@@ -49,8 +48,8 @@ pub(crate) struct Arguments {
     #[arg(long)]
     anchors: String,
     /// The new texture: PNG, JPEG, TIFF, EXR, WebP, TGA or BMP; one for each layer, or one name
-    /// with <ROLE> for all. With <UDIM> (or <UVTILE>) in the
-    /// name one file a tile of the target, with <MATERIAL> one a material
+    /// with <ROLE> for all. With <UDIM> (or <UVTILE>) in the name one file a tile of the target,
+    /// with <MATERIAL> one a material
     #[arg(long, short, required_unless_present = "model")]
     output: Vec<String>,
     #[command(flatten)]
@@ -86,7 +85,8 @@ pub(crate) struct Look {
     /// Fill texels that the map does not vouch for, too
     #[arg(long)]
     pub(crate) fill_doubtful: bool,
-    /// Write the map as an ST-map (EXR): the source's u and v in red and green, the coverage in blue
+    /// Write the map as an ST-map (EXR): the source's u and v in red and green, the coverage in
+    /// blue
     #[arg(long)]
     pub(crate) stmap: Option<String>,
     /// Write the target with its new textures, ready to view (GLB)
@@ -252,7 +252,8 @@ pub(crate) fn require_texcoords(surface: &Surface) -> Result<()> {
     Err(Error::mesh(&surface.mesh.name, "it has no texture coordinates", remedy))
 }
 
-/// Makes the target's charts where asked, else says what is unfit about them for pictures of these names; for the report.
+/// Makes the target's charts where asked, else says what is unfit about them for pictures of these
+/// names; for the report.
 pub(crate) fn target_charts(
     session: &mut Session<'_>,
     target: &mut Surface,

@@ -26,9 +26,11 @@ pub(super) struct SourceLook {
 }
 
 impl SourceLook {
-    /// The factors that all textured materials of the source share; without textures' own factors where they differ, which a note tells.
+    /// The factors that all textured materials of the source share; without textures' own factors
+    /// where they differ, which a note tells.
     pub(super) fn new(source: &Mesh, layers: &[Textures], session: &Session<'_>) -> Self {
-        // Only glTF multiplies textures by factors; diffuse colours beside a texture are leftovers in most other files.
+        // Only glTF multiplies textures by factors; diffuse colours beside a texture are leftovers
+        // in most other files.
         let name = source.name.to_ascii_lowercase();
         let gltf = name.ends_with(".gltf") || name.ends_with(".glb");
         let used = |m: usize| layers.iter().any(|l| l.material_texture.get(m).is_some_and(|&t| t != NONE));
@@ -112,7 +114,8 @@ impl Skin {
     }
 }
 
-/// Roughness in green and metallic in blue (glTF 2.0, section 3.9.2); what is missing is rough, or not metallic.
+/// Roughness in green and metallic in blue (glTF 2.0, section 3.9.2); what is missing is rough, or
+/// not metallic.
 fn packed(roughness: Option<&Image>, metallic: Option<&Image>) -> Result<Option<Image>> {
     let Some(size) = roughness.or(metallic) else { return Ok(None) };
     let mut out = Image::zeros(size.width, size.height, 3, size.depth())?;
@@ -126,7 +129,8 @@ fn packed(roughness: Option<&Image>, metallic: Option<&Image>) -> Result<Option<
     Ok(Some(out))
 }
 
-/// The bytes of the model: a material for each part and material of the target, with the target's names.
+/// The bytes of the model: a material for each part and material of the target, with the target's
+/// names.
 ///
 /// A target that came from glTF keeps its scene, and its materials what is not transferred.
 pub(super) fn glb(

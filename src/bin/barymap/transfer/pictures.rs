@@ -51,7 +51,8 @@ impl Names<'_> {
         layers.chain(others.into_iter().filter_map(|(option, n)| n.as_ref().map(|n| (option, n))))
     }
 
-    /// The parts of the target that get pictures: by tiles if names have `<UDIM>`, by materials if they have `<MATERIAL>`.
+    /// The parts of the target that get pictures: by tiles if names have `<UDIM>`, by materials if
+    /// they have `<MATERIAL>`.
     pub(super) fn parts(&self, target: &Mesh, session: &Session<'_>) -> Result<Vec<Part>> {
         let (tiles, materials) = (self.all().any(|n| n.1.has_tile()), self.all().any(|n| n.1.has_material()));
         let incomplete = |(_, n): &(&str, &TextureName)| n.has_tile() != tiles || n.has_material() != materials;
@@ -188,7 +189,8 @@ impl Writer {
     }
 }
 
-/// Part of each triangle: its place in `parts`, or [`NONE`]. One that reaches over several tiles is in that of its centre.
+/// Part of each triangle: its place in `parts`, or [`NONE`]. One that reaches over several tiles is
+/// in that of its centre.
 pub(super) fn part_of(parts: &[Part], target: &Mesh) -> Vec<u32> {
     let by_tile = parts.iter().any(|p| p.tile.is_some());
     let by_material = parts.iter().any(|p| p.material.is_some());

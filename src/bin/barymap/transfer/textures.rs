@@ -143,7 +143,8 @@ impl Request {
     }
 }
 
-/// The layers that `--texture` asks for; without it those of the source's materials, in all roles if `all_roles`.
+/// The layers that `--texture` asks for; without it those of the source's materials, in all roles
+/// if `all_roles`.
 pub(crate) fn textures(
     texts: &[String],
     all_roles: bool,

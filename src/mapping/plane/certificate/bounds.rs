@@ -24,8 +24,9 @@ pub(super) struct Workspace {
     wide: Weights<10>,
 }
 
-/// A component of a derivative of the map over the box, s and t the parameters from the centre: `value + slope . (s, t) +
-/// curvature . (s^2, s t, t^2)`, the curvature holding Lagrange's intermediate coefficients.
+/// A component of a derivative of the map over the box, s and t the parameters from the centre:
+/// `value + slope . (s, t) + curvature . (s^2, s t, t^2)`, the curvature holding Lagrange's
+/// intermediate coefficients.
 #[derive(Clone, Copy, Debug)]
 struct Expansion {
     value: Interval,
@@ -35,25 +36,28 @@ struct Expansion {
 
 /// Encloses the Jacobian of the mean value map over the box `at` with centre `centre`.
 ///
-/// **Preconditioning.** Mean value coordinates reproduce affine maps, so `f = L + sum b_i (vhat_i - L(v_i))` for every affine L.
-/// L is taken close to f at the centre (any L will do, its rounding is of no consequence), so that the residual map
-/// `g = sum b_i u_i`, `u_i = vhat_i - L(v_i)`, and its derivative nearly vanish there, and overestimates are multiplied by what
-/// the map has of curvature, not by its displacements.
+/// **Preconditioning.** Mean value coordinates reproduce affine maps, so `f = L + sum b_i (vhat_i -
+/// L(v_i))` for every affine L. L is taken close to f at the centre (any L will do, its rounding is
+/// of no consequence), so that the residual map `g = sum b_i u_i`, `u_i = vhat_i - L(v_i)`, and its
+/// derivative nearly vanish there, and overestimates are multiplied by what the map has of
+/// curvature, not by its displacements.
 ///
-/// **Taylor's theorem.** Numerator and denominator of g are expanded at the centre to degree 2 (weights at a point) and over the
-/// box to degree 3, the latter sharpened by the former ([`Jet::sharpen`]). Quotients of the two give the coefficients
-/// g_ij at the centre and, of degree 3, over the box, and for each component
-/// `dg/dx = g_10 + 2 g_20 s + g_11 t + [3 g_30 s^2 + 2 g_21 s t + g_12 t^2]`, the bracket with coefficients somewhere in the box
-/// (Lagrange's remainder), likewise for y. Derivatives of f are those of g and L together.
+/// **Taylor's theorem.** Numerator and denominator of g are expanded at the centre to degree 2
+/// (weights at a point) and over the box to degree 3, the latter sharpened by the former
+/// ([`Jet::sharpen`]). Quotients of the two give the coefficients g_ij at the centre and, of degree
+/// 3, over the box, and for each component `dg/dx = g_10 + 2 g_20 s + g_11 t + [3 g_30 s^2 + 2 g_21
+/// s t + g_12 t^2]`, the bracket with coefficients somewhere in the box (Lagrange's remainder),
+/// likewise for y. Derivatives of f are those of g and L together.
 ///
-/// **Determinant.** Two such derivatives are multiplied out: constant and linear terms, the quadratic terms, and the rest. The
-/// error of the enclosure is of third order in the size of the box for the rest, while the quadratic terms are bounded one by
-/// one.
+/// **Determinant.** Two such derivatives are multiplied out: constant and linear terms, the
+/// quadratic terms, and the rest. The error of the enclosure is of third order in the size of the
+/// box for the rest, while the quadratic terms are bounded one by one.
 ///
-/// **At a vertex** (chart `Fan`) the residual map divided by lambda is smooth: `h = sum over i != k of w_i u_i / (w_k + lambda
-/// sum over i != k of w_i)`, `f = L + lambda h` (with `L(v_k) = vhat_k`, so u_k = 0). Then `f_lambda = L' q + (lambda h)_lambda`
-/// and `f_mu / lambda = L' (last - first) + h_mu`, and the Jacobian is their cross product over `first x last`: lambda cancels,
-/// and lambda = 0 gives the one-sided limits of the Jacobian at the vertex in all directions.
+/// **At a vertex** (chart `Fan`) the residual map divided by lambda is smooth: `h = sum over i != k
+/// of w_i u_i / (w_k + lambda sum over i != k of w_i)`, `f = L + lambda h` (with `L(v_k) = vhat_k`,
+/// so u_k = 0). Then `f_lambda = L' q + (lambda h)_lambda` and `f_mu / lambda = L' (last - first) +
+/// h_mu`, and the Jacobian is their cross product over `first x last`: lambda cancels, and lambda =
+/// 0 gives the one-sided limits of the Jacobian at the vertex in all directions.
 ///
 /// NaN bounds: nothing is known (the box is too large or the step degenerate).
 pub(super) fn enclose(
@@ -97,7 +101,8 @@ pub(super) fn enclose(
     Bounds { range: range * inverse, centre: value * inverse, cut: usize::from(steep < shallow) }
 }
 
-/// The edge whose pole matters at the centre, if any: the one with an obtuse angle and the largest tangent, if that exceeds 1.
+/// The edge whose pole matters at the centre, if any: the one with an obtuse angle and the largest
+/// tangent, if that exceeds 1.
 fn nearby_edge(domain: &Domain, chart: &Chart, centre: [f64; 2]) -> Option<usize> {
     let p = chart.position(domain, centre.map(Interval::point)).map(Interval::mid);
     let toward = |i: usize| match chart {
@@ -191,7 +196,8 @@ fn residuals(domain: &Domain, chart: &Chart, affine: &AffineMap) -> Vec<Vector> 
     (0..domain.len()).map(residual).collect()
 }
 
-/// `sum w` and the two components of `sum w u`, in the scaling of the chart; and lambda as a jet in a fan.
+/// `sum w` and the two components of `sum w u`, in the scaling of the chart; and lambda as a jet in
+/// a fan.
 fn sums<const N: usize>(
     chart: &Chart,
     lambda: Interval,
@@ -214,7 +220,8 @@ fn sums<const N: usize>(
     ([weights.of[tip] + sum.times(&radius), x, y], Some(radius))
 }
 
-/// The functions whose derivatives are wanted, by parameter and component: g twice, or `lambda h` and `h` in a fan.
+/// The functions whose derivatives are wanted, by parameter and component: g twice, or `lambda h`
+/// and `h` in a fan.
 fn ratios<const N: usize>([sum, x, y]: &[Jet<N>; 3], lambda: &Option<Jet<N>>) -> [[Jet<N>; 2]; 2] {
     let ratio = [x.over(sum), y.over(sum)];
     match lambda {
@@ -240,7 +247,8 @@ fn curvature(jet: &Jet<10>, column: usize) -> [Interval; 3] {
     }
 }
 
-/// Adds the affine map's part: columns of derivatives of f, and what their cross product is to be divided by.
+/// Adds the affine map's part: columns of derivatives of f, and what their cross product is to be
+/// divided by.
 fn with_affine(
     chart: &Chart,
     mut columns: [[Expansion; 2]; 2],

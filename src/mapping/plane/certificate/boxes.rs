@@ -27,18 +27,22 @@ pub(super) struct Corner {
     pub(super) radius: f64,
 }
 
-/// The directions at a vertex are padded by this angle, so that no rounding leaves a gap at its edges.
+/// The directions at a vertex are padded by this angle, so that no rounding leaves a gap at its
+/// edges.
 const PAD: f64 = 1e-11;
 
 impl Corner {
-    /// Covers the polygon about vertex `k`; none if its angle or its distance to other edges vanishes numerically.
+    /// Covers the polygon about vertex `k`; none if its angle or its distance to other edges
+    /// vanishes numerically.
     ///
-    /// Let R be the length of the fans' sides, at most half the distance of the vertex to every edge that does not end in it and
-    /// at most half its own edges. (The distance is computed in plain doubles, with an error of a few units of rounding of
-    /// the lengths involved; a distance below 1e-9 of them is refused, so half of it is a true bound.) Within R of the vertex the
-    /// polygon is the wedge between its two edges. Consecutive fans share a direction, the first begins to the right of the
-    /// outgoing edge, the last ends to the left of the incoming one, and each turns to the left by less than a right angle:
-    /// checked in interval arithmetic. The fans' triangles hold all points of the wedge up to the distance of their far sides.
+    /// Let R be the length of the fans' sides, at most half the distance of the vertex to every
+    /// edge that does not end in it and at most half its own edges. (The distance is computed in
+    /// plain doubles, with an error of a few units of rounding of the lengths involved; a distance
+    /// below 1e-9 of them is refused, so half of it is a true bound.) Within R of the vertex the
+    /// polygon is the wedge between its two edges. Consecutive fans share a direction, the first
+    /// begins to the right of the outgoing edge, the last ends to the left of the incoming one, and
+    /// each turns to the left by less than a right angle: checked in interval arithmetic. The fans'
+    /// triangles hold all points of the wedge up to the distance of their far sides.
     pub(super) fn new(domain: &Domain, k: usize) -> Option<Self> {
         let vertex = domain.vertices[k];
         let (after, before) = (domain.after[k], domain.before[k]);
@@ -117,8 +121,9 @@ impl Cell {
         self.at.map(Interval::mid)
     }
 
-    /// A cell of the plane is dropped where it lies within a corner's radius, or outside of the polygon: clear of all edges, with
-    /// its centre outside. Where that is unclear it is kept. The fans lie in the polygon but for their pads.
+    /// A cell of the plane is dropped where it lies within a corner's radius, or outside of the
+    /// polygon: clear of all edges, with its centre outside. Where that is unclear it is kept. The
+    /// fans lie in the polygon but for their pads.
     pub(super) fn fate(&self, domain: &Domain, corners: &[Corner]) -> Fate {
         if let Chart::Fan(_) = self.chart {
             return Fate::Examine;
@@ -141,7 +146,8 @@ impl Cell {
         if half > 0.75 * nearest { Fate::Cut } else { Fate::Examine }
     }
 
-    /// Whether the centre certainly is a point of the polygon (in a fan: a direction that leads into it).
+    /// Whether the centre certainly is a point of the polygon (in a fan: a direction that leads
+    /// into it).
     pub(super) fn centre_is_inside(&self, domain: &Domain) -> bool {
         let centre = self.centre();
         match &self.chart {
@@ -150,14 +156,16 @@ impl Cell {
         }
     }
 
-    /// The parameter to cut where bounds cannot tell: the one in which the cell is wider. In a fan that alternates between radius and
-    /// direction; near the vertex the direction matters as much as anywhere.
+    /// The parameter to cut where bounds cannot tell: the one in which the cell is wider. In a fan
+    /// that alternates between radius and direction; near the vertex the direction matters as much
+    /// as anywhere.
     pub(super) fn wider_parameter(&self) -> usize {
         let [a, b] = self.at.map(|i| i.hi - i.lo);
         usize::from(b >= a)
     }
 
-    /// Two halves, along the parameter to cut, that share a side exactly; none if the doubles in between are used up.
+    /// Two halves, along the parameter to cut, that share a side exactly; none if the doubles in
+    /// between are used up.
     pub(super) fn halves(&self) -> Option<[Self; 2]> {
         let side = self.cut;
         let Interval { lo, hi } = self.at[side];

@@ -15,9 +15,9 @@ pub(super) enum Chart {
 
 /// Points `v_k + lambda q(mu)` with `q(mu) = first + mu (last - first)`, lambda and mu in [0, 1].
 ///
-/// Polar coordinates without angles: lambda is the radius and mu the direction, but everything stays algebraic, so that no sine
-/// has to be bounded. The vertex is the edge lambda = 0 of the parameter square. The Jacobian of the parameters is
-/// `lambda (first x last)`.
+/// Polar coordinates without angles: lambda is the radius and mu the direction, but everything
+/// stays algebraic, so that no sine has to be bounded. The vertex is the edge lambda = 0 of the
+/// parameter square. The Jacobian of the parameters is `lambda (first x last)`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fan {
     pub(super) vertex: usize,
@@ -43,9 +43,11 @@ impl Fan {
     }
 }
 
-/// The position p = v - base as a function of the parameters, expanded about parameters `at` (a point or a box).
+/// The position p = v - base as a function of the parameters, expanded about parameters `at` (a
+/// point or a box).
 ///
-/// `p(at + s) = value + gradient[0] s_0 + gradient[1] s_1 + mixed s_0 s_1`; the base is the origin or the fan's vertex.
+/// `p(at + s) = value + gradient[0] s_0 + gradient[1] s_1 + mixed s_0 s_1`; the base is the origin
+/// or the fan's vertex.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Position<const N: usize> {
     pub(super) value: Vector,
@@ -84,7 +86,8 @@ impl<const N: usize> Position<N> {
         self.quadratic(s[0].square() + s[1].square(), s.map(|c| c.scaled(2.0)))
     }
 
-    /// `(o - p) . (o + e - p)`, as `|m|^2 - |e|^2 / 4` with m the vector to the middle: every unknown occurs once.
+    /// `(o - p) . (o + e - p)`, as `|m|^2 - |e|^2 / 4` with m the vector to the middle: every
+    /// unknown occurs once.
     pub(super) fn dot_product(&self, o: Vector, e: Vector) -> Jet<N> {
         let m = minus([0, 1].map(|i| o[i] + e[i].scaled(0.5)), self.value);
         let quarter = (e[0].square() + e[1].square()).scaled(0.25);
@@ -111,7 +114,8 @@ impl<const N: usize> Position<N> {
     }
 }
 
-/// What the two edges at the vertex of a fan need: all of it with the factor lambda taken out of `v_k - v = -lambda q`.
+/// What the two edges at the vertex of a fan need: all of it with the factor lambda taken out of
+/// `v_k - v = -lambda q`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tip<const N: usize> {
     q: Vector,
@@ -139,7 +143,8 @@ impl<const N: usize> Tip<N> {
         Self { q, sweep, lambda, square, length: length.sqrt() }
     }
 
-    /// `-q . (o - lambda q)`: the scalar product of the edge from the vertex to its neighbour at `o`, over lambda.
+    /// `-q . (o - lambda q)`: the scalar product of the edge from the vertex to its neighbour at
+    /// `o`, over lambda.
     pub(super) fn dot_product(&self, o: Vector) -> Jet<N> {
         let mut jet = self.square;
         jet.0[0] = -dot(self.q, [0, 1].map(|i| o[i] - self.lambda * self.q[i]));
@@ -147,7 +152,8 @@ impl<const N: usize> Tip<N> {
         jet
     }
 
-    /// `o x q`: the cross product `s_k x s_(k+1)` of the edge from the vertex to its neighbour at `o`, over lambda.
+    /// `o x q`: the cross product `s_k x s_(k+1)` of the edge from the vertex to its neighbour at
+    /// `o`, over lambda.
     pub(super) fn cross_product(&self, o: Vector) -> Jet<N> {
         let mut jet = Jet::constant(cross(o, self.q));
         jet.0[2] = cross(o, self.sweep);

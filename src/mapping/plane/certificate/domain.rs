@@ -26,10 +26,8 @@ pub(super) fn point(p: [f64; 2]) -> Vector {
 }
 
 /// Source and target of a step, each scaled by a power of two (exactly) to a size of about 1, and
-/// shifted to one of its vertices
-/// where that is exact, too: translations change no Jacobian, and far from the origin enclosures
-/// would be as wide as coordinates
-/// are rounded.
+/// shifted to one of its vertices where that is exact, too: translations change no Jacobian, and
+/// far from the origin enclosures would be as wide as coordinates are rounded.
 #[derive(Clone, Debug)]
 pub(super) struct Domain {
     /// Vertices of the source.
@@ -44,7 +42,8 @@ pub(super) struct Domain {
     scale: f64,
     /// The point of the file that the source is shifted by.
     origin: DVec2,
-    /// What turns a Jacobian of the scaled polygons into one of the polygons as given: a power of two.
+    /// What turns a Jacobian of the scaled polygons into one of the polygons as given: a power of
+    /// two.
     pub(super) jacobian_unit: f64,
 }
 
@@ -107,16 +106,18 @@ impl Domain {
         minus(point(self.vertices[self.after[i]]), point(self.vertices[i]))
     }
 
-    /// Twice the signed area of the triangle from `p` to edge `i`: positive to the left of the edge.
+    /// Twice the signed area of the triangle from `p` to edge `i`: positive to the left of the
+    /// edge.
     pub(super) fn side(&self, i: usize, p: Vector) -> Interval {
         cross(minus(point(self.vertices[i]), p), self.edge(i))
     }
 
-    /// How often the loops wind around `p`: once inside of the polygon, not at all outside. None if `p` is too close to the boundary for
-    /// double precision to tell.
+    /// How often the loops wind around `p`: once inside of the polygon, not at all outside. None if
+    /// `p` is too close to the boundary for double precision to tell.
     ///
-    /// Counts the edges that cross the ray to the right of `p`: which edges meet the ray's line is decided by comparisons, on
-    /// which side of `p` they do so by the sign of an interval. No rounding enters.
+    /// Counts the edges that cross the ray to the right of `p`: which edges meet the ray's line is
+    /// decided by comparisons, on which side of `p` they do so by the sign of an interval. No
+    /// rounding enters.
     pub(super) fn winding(&self, p: [f64; 2]) -> Option<i32> {
         let mut winding = 0;
         for i in 0..self.len() {
@@ -136,8 +137,8 @@ impl Domain {
         Some(winding)
     }
 
-    /// Whether the rectangle of `x` and `y` shares no point with the closed edge `i`, by a separating axis: one of the
-    /// coordinates, or the edge's normal. False if in doubt.
+    /// Whether the rectangle of `x` and `y` shares no point with the closed edge `i`, by a
+    /// separating axis: one of the coordinates, or the edge's normal. False if in doubt.
     pub(super) fn is_clear_of_edge(&self, i: usize, x: Interval, y: Interval) -> bool {
         let (a, b) = (self.vertices[i], self.vertices[self.after[i]]);
         let apart = |lo: f64, hi: f64, p: f64, q: f64| p.max(q) < lo || p.min(q) > hi;

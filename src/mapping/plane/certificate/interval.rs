@@ -4,14 +4,16 @@ use std::ops::{Add, Mul, Neg, Sub};
 
 /// All real numbers between two bounds.
 ///
-/// Every operation returns an interval that holds the exact results for all real arguments from its operands. Where no such
-/// interval exists (a division by an interval that holds zero, the root of one that holds negative numbers, an overflow) a bound
-/// is NaN: *unknown*. NaN is handed on by every operation, so no comparison with the result of unknown operands can succeed.
+/// Every operation returns an interval that holds the exact results for all real arguments from its
+/// operands. Where no such interval exists (a division by an interval that holds zero, the root of
+/// one that holds negative numbers, an overflow) a bound is NaN: *unknown*. NaN is handed on by
+/// every operation, so no comparison with the result of unknown operands can succeed.
 ///
 /// # Rounding
 ///
-/// Basic operations of IEEE 754 round to nearest: the exact result lies between the neighbours of the rounded one. [`down`] and
-/// [`up`] step to such a neighbour or past it with two roundings of their own and no branch; their comments hold the proof.
+/// Basic operations of IEEE 754 round to nearest: the exact result lies between the neighbours of
+/// the rounded one. [`down`] and [`up`] step to such a neighbour or past it with two roundings of
+/// their own and no branch; their comments hold the proof.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Interval {
     pub(super) lo: f64,
@@ -20,9 +22,10 @@ pub(super) struct Interval {
 
 /// A number not above the neighbour of `x` below it.
 ///
-/// Let u be the distance from `x` to the next larger magnitude. For a normal `x`, `|x| EPSILON >= u` (and exact, a power of two
-/// apart), so `x` less the pad is at most `x - u`; that is a double at or below the neighbour, and rounding is monotone. For
-/// a subnormal `x` the smallest normal number is at least as much as any spacing there. An infinity becomes infinite or NaN.
+/// Let u be the distance from `x` to the next larger magnitude. For a normal `x`, `|x| EPSILON >=
+/// u` (and exact, a power of two apart), so `x` less the pad is at most `x - u`; that is a double
+/// at or below the neighbour, and rounding is monotone. For a subnormal `x` the smallest normal
+/// number is at least as much as any spacing there. An infinity becomes infinite or NaN.
 #[inline(always)]
 fn down(x: f64) -> f64 {
     x - (x.abs() * f64::EPSILON + f64::MIN_POSITIVE)
@@ -151,7 +154,8 @@ impl Mul for Interval {
     fn mul(self, other: Self) -> Self {
         let (a, b) = (self.lo * other.lo, self.lo * other.hi);
         let (c, d) = (self.hi * other.lo, self.hi * other.hi);
-        // Comparisons may drop a NaN; the sum of all products times zero keeps it (and turns an overflow into one).
+        // Comparisons may drop a NaN; the sum of all products times zero keeps it (and turns an
+        // overflow into one).
         let poison = ((a + b) + (c + d)) * 0.0;
         Self { lo: down(least(least(a, b), least(c, d))) + poison, hi: up(most(most(a, b), most(c, d))) + poison }
     }

@@ -4,13 +4,14 @@ use std::ops::{Add, Sub};
 
 use super::interval::Interval;
 
-/// The Taylor coefficients `f_(i,j) = 1/(i! j!) d^(i+j) f / dx^i dy^j` of a function, up to a total degree: `N` = 6 for degree
-/// 2, 10 for degree 3.
+/// The Taylor coefficients `f_(i,j) = 1/(i! j!) d^(i+j) f / dx^i dy^j` of a function, up to a total
+/// degree: `N` = 6 for degree 2, 10 for degree 3.
 ///
-/// Coefficients are ordered 1; x, y; xx, xy, yy; xxx, xxy, xyy, yyy ([`index`]). A jet *encloses* a function over a set of
-/// points if at each of the points the function's coefficients lie in the jet's intervals. Leibniz' rule makes the coefficients
-/// of a product the truncated product of the factors' coefficients; quotient and root solve that product for a factor, lowest
-/// degree first. Interval arithmetic carries enclosure through these formulas.
+/// Coefficients are ordered 1; x, y; xx, xy, yy; xxx, xxy, xyy, yyy ([`index`]). A jet *encloses* a
+/// function over a set of points if at each of the points the function's coefficients lie in the
+/// jet's intervals. Leibniz' rule makes the coefficients of a product the truncated product of the
+/// factors' coefficients; quotient and root solve that product for a factor, lowest degree first.
+/// Interval arithmetic carries enclosure through these formulas.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Jet<const N: usize>(pub(super) [Interval; N]);
 
@@ -66,7 +67,8 @@ impl<const N: usize> Jet<N> {
         let mut root = Self::constant(self.0[0].sqrt());
         let half_inverse = root.0[0].scaled(2.0).recip();
         for k in 1..N {
-            // Without the first and the last pair, which are twice the product of the value and the coefficient sought.
+            // Without the first and the last pair, which are twice the product of the value and the
+            // coefficient sought.
             let pairs = &FACTORS[k][1..FACTORS[k].len() - 1];
             root.0[k] = (self.0[k] - root.convolve(&root, pairs)) * half_inverse;
         }
@@ -87,10 +89,11 @@ impl<const N: usize> Jet<N> {
 
     /// Sharpens coefficients over a box by the ones at its centre.
     ///
-    /// `self` encloses a function over the box, `centre` the same function at its centre, `step` holds all differences of points
-    /// to the centre. A coefficient of the function is itself a smooth function (with coefficients
-    /// binomial(b, a) f_b at a, for b >= a), so Taylor's theorem with Lagrange's remainder of degree `DEGREE - |a|` gives
-    /// f_a(c + s) = sum over |b| < DEGREE of binomial(b, a) f_b(c) s^(b-a) + sum over |b| = DEGREE of binomial(b, a) f_b(z) s^(b-a)
+    /// `self` encloses a function over the box, `centre` the same function at its centre, `step`
+    /// holds all differences of points to the centre. A coefficient of the function is itself a
+    /// smooth function (with coefficients binomial(b, a) f_b at a, for b >= a), so Taylor's theorem
+    /// with Lagrange's remainder of degree `DEGREE - |a|` gives f_a(c + s) = sum over |b| < DEGREE
+    /// of binomial(b, a) f_b(c) s^(b-a) + sum over |b| = DEGREE of binomial(b, a) f_b(z) s^(b-a)
     /// with z in the box, which is convex.
     pub(super) fn sharpen<const M: usize>(&mut self, centre: &Jet<M>, step: [Interval; 2]) {
         let powers = [

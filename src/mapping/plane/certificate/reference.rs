@@ -1,4 +1,5 @@
-//! The Jacobian in plain doubles, by the printed formulas: what the certificate's tests compare with.
+//! The Jacobian in plain doubles, by the printed formulas: what the certificate's tests compare
+//! with.
 
 use std::f64::consts::TAU;
 
@@ -36,7 +37,8 @@ pub(super) fn jacobian(from: &Polygon, to: &Polygon, p: DVec2) -> f64 {
     a.perp_dot(b)
 }
 
-/// Limit of J at vertex `k` as a function of the direction's angle from the outgoing edge, in closed form, and the interior angle.
+/// Limit of J at vertex `k` as a function of the direction's angle from the outgoing edge, in
+/// closed form, and the interior angle.
 pub(super) fn limit(from: &Polygon, to: &Polygon, k: usize) -> (impl Fn(f64) -> f64 + use<>, f64) {
     let (v, image): (Vec<DVec2>, Vec<DVec2>) = (from.vertices().collect(), to.vertices().collect());
     let corners: Vec<_> = from.corners().collect();

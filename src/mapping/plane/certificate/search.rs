@@ -90,7 +90,8 @@ impl<'a> Search<'a> {
         Ok(proved)
     }
 
-    /// Cuts cells whose bound is far below the sampled minimum, the lowest first, as long as that is cheap; returns the least bound.
+    /// Cuts cells whose bound is far below the sampled minimum, the lowest first, as long as that
+    /// is cheap; returns the least bound.
     fn sharpen(&mut self, mut proved: Vec<Cell>) -> Result<f64, Verdict> {
         let limit = (self.boxes.saturating_mul(3) + 4096).min(self.options.boxes);
         loop {
@@ -108,7 +109,8 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Examines cells, in parallel, and takes the outcomes in order. A cell proved already stays so.
+    /// Examines cells, in parallel, and takes the outcomes in order. A cell proved already stays
+    /// so.
     fn round(&mut self, cells: &[Cell]) -> Result<Round, Verdict> {
         let outcomes: Vec<Outcome> =
             cells.par_iter().map_init(Workspace::default, |work, cell| self.examine(cell, work)).collect();
@@ -172,8 +174,9 @@ impl<'a> Search<'a> {
 
     /// Limits of the Jacobian at the vertices: the minimum is nearly always among them.
     ///
-    /// As a function of the direction's angle the limit is a sinusoid plus a constant, so three values in a fan predict where it is
-    /// least; rigour needs no more than that the values themselves are enclosures at points of the polygon.
+    /// As a function of the direction's angle the limit is a sinusoid plus a constant, so three
+    /// values in a fan predict where it is least; rigour needs no more than that the values
+    /// themselves are enclosures at points of the polygon.
     fn vertices(&mut self) -> Result<(), Verdict> {
         let fans: Vec<Fan> = self.corners.iter().flat_map(|c| c.fans.iter().copied()).collect();
         let samples: Vec<Vec<(f64, Interval)>> =

@@ -33,7 +33,8 @@ fn verdict(from: &Polygon, to: &Polygon) -> Verdict {
     certify(from, to, &CertifyOptions { boxes: 15_000, ..CertifyOptions::default() }, &Quiet).expect("valid polygons")
 }
 
-/// Steps that are known to have a positive Jacobian, with the value sampled on 768 x 768 pixels where it was measured.
+/// Steps that are known to have a positive Jacobian, with the value sampled on 768 x 768 pixels
+/// where it was measured.
 fn good_steps() -> Vec<(Polygon, Polygon)> {
     let knots: [(PolygonPair, &[f64]); 5] = [
         (nested_squares(), &[0.0, 0.25, 0.5, 0.75, 0.875, 1.0]),

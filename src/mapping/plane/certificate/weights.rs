@@ -7,17 +7,21 @@ use super::jet::Jet;
 
 /// The weights of all vertices, up to a common factor that does not vanish in the box.
 ///
-/// With `s_i = v_i - v`, `r_i = |s_i|`, `A_i = s_i x s_(i+1)`, `D_i = s_i . s_(i+1)`, `t_i = tan(alpha_i / 2) = A_i / (r_i r_(i+1) +
-/// D_i) = (r_i r_(i+1) - D_i) / A_i` the weights are `w_i = (t_(i-1) + t_i) / r_i` (paper, equation 8). Two factors make them
-/// finite where the coordinates `b_i = w_i / sum w` are smooth but the weights are not:
+/// With `s_i = v_i - v`, `r_i = |s_i|`, `A_i = s_i x s_(i+1)`, `D_i = s_i . s_(i+1)`, `t_i =
+/// tan(alpha_i / 2) = A_i / (r_i r_(i+1) + D_i) = (r_i r_(i+1) - D_i) / A_i` the weights are `w_i =
+/// (t_(i-1) + t_i) / r_i` (paper, equation 8). Two factors make them finite where the coordinates
+/// `b_i = w_i / sum w` are smooth but the weights are not:
 ///
-/// - **On an edge k** t_k has a pole. All weights are multiplied by `tau = 1 / t_k = A_k / (r_k r_(k+1) - D_k)`, which is smooth
-///   across the open edge (the denominator is `r_k r_(k+1) (1 - cos alpha_k)`, zero only where alpha_k is). Term k becomes the
-///   constant 1. tau vanishes on the edge's line only, so off the edge the coordinates are unchanged, and on it the scaled
-///   formula is their continuous, even analytic extension. A box that straddles the edge is no special case.
-/// - **At a vertex k**, in the parameters of a [`Fan`](super::chart::Fan): `s_k = -lambda q`. In t_(k-1) and t_k the factor lambda
-///   cancels. All weights are multiplied by lambda; that of the vertex itself is then `(t_(k-1) + t_k) / |q|`, and the others keep
-///   the factor outside (the entries here are without it). Nothing is left that is not smooth at lambda = 0.
+/// - **On an edge k** t_k has a pole. All weights are multiplied by `tau = 1 / t_k = A_k / (r_k
+///   r_(k+1) - D_k)`, which is smooth across the open edge (the denominator is `r_k r_(k+1) (1 -
+///   cos alpha_k)`, zero only where alpha_k is). Term k becomes the constant 1. tau vanishes on the
+///   edge's line only, so off the edge the coordinates are unchanged, and on it the scaled formula
+///   is their continuous, even analytic extension. A box that straddles the edge is no special
+///   case.
+/// - **At a vertex k**, in the parameters of a [`Fan`](super::chart::Fan): `s_k = -lambda q`. In
+///   t_(k-1) and t_k the factor lambda cancels. All weights are multiplied by lambda; that of the
+///   vertex itself is then `(t_(k-1) + t_k) / |q|`, and the others keep the factor outside (the
+///   entries here are without it). Nothing is left that is not smooth at lambda = 0.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Weights<const N: usize> {
     /// Per vertex, the other vertices' without the factor lambda in a fan.
@@ -93,7 +97,8 @@ impl<const N: usize> Weights<N> {
 }
 
 impl<const N: usize> Edge<N> {
-    /// tan(alpha / 2) by the form without cancellation; the other one where the angle passes a right angle.
+    /// tan(alpha / 2) by the form without cancellation; the other one where the angle passes a
+    /// right angle.
     fn tangent(&self) -> Jet<N> {
         if self.dot.0[0].mid() < 0.0 && !self.cross.0[0].may_vanish() {
             (self.product - self.dot).over(&self.cross)

@@ -11,7 +11,8 @@ use crate::mapping::plane::jacobian_min::{PIECE, Sample};
 use crate::mapping::plane::samples::{Raster, Run};
 use crate::mapping::plane::step::Step;
 
-/// The smallest Jacobian of a piece and the pixel it stands at; twin of the struct in `shaders/jacobian_min.wgsl`.
+/// The smallest Jacobian of a piece and the pixel it stands at; twin of the struct in
+/// `shaders/jacobian_min.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct PieceMinimum {
@@ -57,7 +58,8 @@ struct Job {
     vertices: u64,
 }
 
-/// The smallest samples of all pieces of each raster, in order. The steps share submissions as long as they are short.
+/// The smallest samples of all pieces of each raster, in order. The steps share submissions as long
+/// as they are short.
 ///
 /// # Errors
 /// [`Error::Device`](crate::Error::Device), [`Error::Memory`](crate::Error::Memory).
@@ -124,7 +126,8 @@ fn submit(gpu: &Gpu, jobs: &[Job]) -> Result<()> {
             dispatches += 1;
             if work + per_piece > SUBMISSION {
                 let submitted = std::mem::replace(&mut batch, gpu.batch()?).submit()?;
-                // Two are under way at a time, so that the device does not idle and none waits for long.
+                // Two are under way at a time, so that the device does not idle and none waits for
+                // long.
                 if let Some(before) = pending.replace(submitted) {
                     gpu.wait(&before)?;
                 }

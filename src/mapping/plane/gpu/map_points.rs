@@ -72,7 +72,8 @@ struct Tile {
     derivatives: Buffer<[[f32; 2]; 2]>,
 }
 
-/// Takes `points` through `steps`; with `derivatives`, of the same length, sets them to those of the whole map.
+/// Takes `points` through `steps`; with `derivatives`, of the same length, sets them to those of
+/// the whole map.
 ///
 /// # Errors
 /// [`Error::Device`](crate::Error::Device), [`Error::Memory`](crate::Error::Memory).

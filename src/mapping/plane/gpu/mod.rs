@@ -5,8 +5,8 @@
 //! | `map_points` | points, and derivatives, through one step | [`Step`](super::Step) |
 //! | `jacobian_min` | the smallest Jacobian over pieces of a raster | [`jacobian_min`](super::jacobian_min()) |
 //!
-//! Polygons of up to [`MOST_VERTICES`] vertices and [`MOST_LOOPS`] loops fit their uniform blocks; the CPU does larger ones, and
-//! Wachspress coordinates.
+//! Polygons of up to [`MOST_VERTICES`] vertices and [`MOST_LOOPS`] loops fit their uniform blocks;
+//! the CPU does larger ones, and Wachspress coordinates.
 
 mod jacobian_min;
 mod map_points;
@@ -21,10 +21,9 @@ pub use jacobian_min::PieceMinimum;
 
 use crate::engine::Kernel;
 
-/// The kernels of this folder,
-/// one variant of each: the others differ in their constants.
+/// The kernels of this folder, one variant of each: the others differ in their constants.
 pub const KERNELS: &[&Kernel] = &[&jacobian_min::JACOBIAN_MIN[0], &map_points::MAP_POINTS[0]];
 
-/// Products of samples and vertices that one submission holds, so that none is long: a fraction of a second on a software
-/// device, milliseconds on another.
+/// Products of samples and vertices that one submission holds, so that none is long: a fraction of
+/// a second on a software device, milliseconds on another.
 const SUBMISSION: u64 = 1 << 28;

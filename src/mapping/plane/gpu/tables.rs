@@ -17,11 +17,12 @@ pub(super) const BLOCK: usize = UNIFORM_BLOCK as usize / 16;
 
 const BLOCKS: usize = 4;
 
-/// Vertices that are added up in one go: more need [`mean_value::BLOCK`](crate::mapping::plane::mean_value::BLOCK) to keep their
-/// digits.
+/// Vertices that are added up in one go: more need
+/// [`mean_value::BLOCK`](crate::mapping::plane::mean_value::BLOCK) to keep their digits.
 const ONE_GO: usize = 64;
 
-/// Which of three variants a kernel needs: all vertices in one go, by blocks, or by blocks from several uniform blocks.
+/// Which of three variants a kernel needs: all vertices in one go, by blocks, or by blocks from
+/// several uniform blocks.
 pub(super) fn size_class(vertices: usize) -> usize {
     usize::from(vertices > ONE_GO) + usize::from(vertices > BLOCK)
 }
@@ -42,7 +43,8 @@ pub struct PlaneParams {
 /// Layout of [`PlaneParams`].
 pub(super) const PARAMS_LAYOUT: Layout = layout!(PlaneParams, { origin, pixel, loops, chained, far, unused0, unused1 });
 
-/// The binding of the parameters. Loops and [`BLOCKS`] blocks of corners follow it, each of them [`VECTORS`].
+/// The binding of the parameters. Loops and [`BLOCKS`] blocks of corners follow it, each of them
+/// [`VECTORS`].
 pub(super) const PARAMS: BindingKind = BindingKind::Uniform(size_of::<PlaneParams>() as u64);
 
 /// A block of four-vectors.
@@ -66,7 +68,8 @@ pub(super) struct StepTables {
 }
 
 impl StepTables {
-    /// Uploads a step; `raster` for samples of it, `chained` if derivatives of earlier steps are to be multiplied.
+    /// Uploads a step; `raster` for samples of it, `chained` if derivatives of earlier steps are to
+    /// be multiplied.
     pub(super) fn new(gpu: &Gpu, step: &Step<f32>, raster: Option<&Raster>, chained: bool) -> Result<Self> {
         let outline = &step.outline;
         let params = PlaneParams {

@@ -1,4 +1,5 @@
-//! Partitions: into which steps the map is cut so that none folds (paper, sections 2.2, 3.1, 4.1, 4.4).
+//! Partitions: into which steps the map is cut so that none folds (paper, sections 2.2, 3.1, 4.1,
+//! 4.4).
 
 #[cfg(test)]
 mod continuity_tests;
@@ -22,13 +23,15 @@ use super::{Cage, Coordinates, Minimum, SampleOptions, jacobian_min};
 pub use steps::Evaluate;
 use steps::{Found, Steps};
 
-/// Vertices of all polygons of a partition, at most: bounds the memory of `uniform:M` and of small `eps`.
+/// Vertices of all polygons of a partition, at most: bounds the memory of `uniform:M` and of small
+/// `eps`.
 const MAX_VERTICES: u64 = 1 << 25;
 /// Steps of the last path, at most, whatever `eps` is.
 const MOST_STEPS: usize = 1024;
 /// The last path may be halved down to this part of `eps`: it is slow where it passes thin parts.
 const LAST_RESORT: f64 = 1.0 / 65_536.0;
-/// The smallest `eps`: a binary partition has at most `2 / eps` steps along a path that `eps` applies to.
+/// The smallest `eps`: a binary partition has at most `2 / eps` steps along a path that `eps`
+/// applies to.
 const LEAST_EPS: f64 = 1e-4;
 
 /// How the steps are chosen.
@@ -42,7 +45,8 @@ pub enum PartitionKind {
     UniformAuto,
     /// A step that folds is halved (Listing 1) until it is no longer than `eps`.
     Binary,
-    /// As binary, with steps that appear and move continuously with the cage (section 4.4): for interaction and animation.
+    /// As binary, with steps that appear and move continuously with the cage (section 4.4): for
+    /// interaction and animation.
     Continuous,
 }
 
@@ -53,10 +57,9 @@ pub struct PartitionOptions {
     pub kind: PartitionKind,
     /// The path tried first; see [`partition_with`] for the others.
     pub path: PathKind,
-    /// Steps no longer than this are not halved any more, 1e-4..=1; along the path of compatible triangulations, which is tried
-    /// last and is slow where it passes thin parts, and in continuous partitions they may be, to a
-    /// 65,536th of it, and a note says
-    /// so.
+    /// Steps no longer than this are not halved any more, 1e-4..=1; along the path of compatible
+    /// triangulations, which is tried last and is slow where it passes thin parts, and in
+    /// continuous partitions they may be, to a 65,536th of it, and a note says so.
     pub eps: f64,
     /// How finely the minimum of the Jacobian is searched for.
     pub samples: SampleOptions,
@@ -90,7 +93,8 @@ pub struct StepReport {
 /// The polygons that a composite map goes through.
 #[derive(Clone, Debug)]
 pub struct Partition {
-    /// One for each knot; the first is the source, the last the target. Each bounds a domain, nested alike.
+    /// One for each knot; the first is the source, the last the target. Each bounds a domain,
+    /// nested alike.
     pub polygons: Vec<Polygon>,
     /// From 0 to 1, rising.
     pub knots: Vec<f64>,
@@ -102,7 +106,8 @@ pub struct Partition {
     pub route: Arc<dyn VertexPath>,
     /// What the user should know: paths that failed, and why.
     pub notes: Vec<String>,
-    /// Whether a step folds, as far as was sampled. Such steps are the ones whose minimum is not positive.
+    /// Whether a step folds, as far as was sampled. Such steps are the ones whose minimum is not
+    /// positive.
     pub folds: bool,
     /// The sufficient conditions of the paper, sampled.
     pub sufficient_bound: SufficientBound,
@@ -139,22 +144,21 @@ pub fn partition(
     partition_with(&mut evaluate, cage, options, progress)
 }
 
-/// Finds the steps, asking `evaluate` for the smallest Jacobian of pairs of polygons: all intervals of one refinement depth in
-/// one call.
+/// Finds the steps, asking `evaluate` for the smallest Jacobian of pairs of polygons: all intervals
+/// of one refinement depth in one call.
 ///
-/// Every polygon is checked for simplicity, orientation and nesting before it is used. Where the path has none at a knot, or
-/// where a refinement ends with a step that still folds, the next path is tried in the order intrinsic, linear, compatible, and
-/// a note says so; the last of them may be halved further than `eps`: see
-/// [`PartitionOptions::eps`]. A continuous partition takes the
+/// Every polygon is checked for simplicity, orientation and nesting before it is used. Where the
+/// path has none at a knot, or where a refinement ends with a step that still folds, the next path
+/// is tried in the order intrinsic, linear, compatible, and a note says so; the last of them may be
+/// halved further than `eps`: see [`PartitionOptions::eps`]. A continuous partition takes the
 /// intrinsic or the linear path between relaxed polygons ([`Relaxed`]) and halves steps as far as
-/// it needs, since a change of the path is a
-/// jump of the map; only where that path has no polygon it takes the compatible one. If refinement
-/// fails on all
-/// of them, the partition of the first that has one is returned with `folds`. The minimum of an interval is asked for once.
+/// it needs, since a change of the path is a jump of the map; only where that path has no polygon
+/// it takes the compatible one. If refinement fails on all of them, the partition of the first that
+/// has one is returned with `folds`. The minimum of an interval is asked for once.
 ///
 /// # Errors
-/// [`Error::Option`] for `eps` outside its range or too many steps; [`Error::Numeric`] where no path avoids intersections; what
-/// `evaluate` returns.
+/// [`Error::Option`] for `eps` outside its range or too many steps; [`Error::Numeric`] where no
+/// path avoids intersections; what `evaluate` returns.
 pub fn partition_with(
     evaluate: &mut Evaluate<'_>,
     cage: &Cage,

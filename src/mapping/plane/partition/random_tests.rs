@@ -29,7 +29,8 @@ fn bijective(cages: impl Iterator<Item = Cage>) -> usize {
     cages.filter(good).count()
 }
 
-/// Unrelated polygons of all kinds, of 5 to 64 vertices; more small ones than large ones, for the time this takes.
+/// Unrelated polygons of all kinds, of 5 to 64 vertices; more small ones than large ones, for the
+/// time this takes.
 fn pairs(count: usize, seed: u64) -> impl Iterator<Item = Cage> {
     let mut random = Random(seed);
     (0..count).map(move |trial| {

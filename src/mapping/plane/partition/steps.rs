@@ -54,7 +54,8 @@ impl<'a, 'e> Steps<'a, 'e> {
         Self { path, nesting, coordinates, evaluate, progress, polygons: BTreeMap::new(), minima: HashMap::new() }
     }
 
-    /// Makes and checks the polygons of `times` that are not there yet; the first time without one stops.
+    /// Makes and checks the polygons of `times` that are not there yet; the first time without one
+    /// stops.
     fn prepare(&mut self, times: impl IntoIterator<Item = f64>) -> std::result::Result<(), Stop> {
         let mut wanted: Vec<u64> =
             times.into_iter().map(f64::to_bits).filter(|bits| !self.polygons.contains_key(bits)).collect();

@@ -23,7 +23,8 @@ impl Steps<'_, '_> {
             }
             PartitionKind::Continuous => {
                 let knots = self.continuous(limits)?;
-                // Nothing proves that the moved knots' steps do not fold; where one does, Listing 1 goes on inside it.
+                // Nothing proves that the moved knots' steps do not fold; where one does, Listing 1
+                // goes on inside it.
                 let knots = self.halved(knots, limits)?;
                 self.at_knots(knots)
             }
@@ -35,7 +36,8 @@ impl Steps<'_, '_> {
         let mut m = 1;
         loop {
             match self.at_knots(uniform(m)) {
-                // A polygon that intersects itself may be one that a finer partition uses as well: knots stay knots.
+                // A polygon that intersects itself may be one that a finer partition uses as well:
+                // knots stay knots.
                 Err(stop) => return Err(stop),
                 Ok(found) if !found.folds() || 1.0 / m as f64 <= limits.eps || m as usize >= limits.steps => {
                     return Ok(found);
@@ -45,8 +47,8 @@ impl Steps<'_, '_> {
         }
     }
 
-    /// Listing 1 within the intervals of `knots`, breadth first: a step that folds is halved unless it is no longer than
-    /// `eps`.
+    /// Listing 1 within the intervals of `knots`, breadth first: a step that folds is halved unless
+    /// it is no longer than `eps`.
     fn halved(&mut self, knots: Vec<f64>, limits: &Limits) -> Result<Vec<f64>, Stop> {
         let mut depth: Vec<(f64, f64)> = knots.windows(2).map(|w| (w[0], w[1])).collect();
         let mut knots = knots;

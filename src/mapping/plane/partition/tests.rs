@@ -151,7 +151,8 @@ fn a_continuous_partition_moves_no_point_by_more_than_twice_what_its_vertex_move
     let largest = |kind| {
         let mut jump = 0.0_f64;
         let mut before = at(kind, 0.5);
-        // The corner moves by 0.004 along the diagonal each time, past the place where the binary partition changes.
+        // The corner moves by 0.004 along the diagonal each time, past the place where the binary
+        // partition changes.
         for k in 1..50 {
             let now = at(kind, 0.5 + 0.004 / 2f64.sqrt() * k as f64);
             for (a, b) in before.iter().zip(&now) {
@@ -190,7 +191,8 @@ fn sufficient_bounds_follow_the_lemmas() {
     assert!(lemma_1 < step.lemma_2 && (bound.displacement - 0.05 * 2f64.sqrt()).abs() < 1e-12);
     assert!((bound.limit - LEMMA_2 / (4.0 * bound.gradient)).abs() < 1e-12);
     assert!(!found(&cage, &PartitionOptions { kind: PartitionKind::Direct, ..binary(PathKind::Linear, 64) }).folds);
-    // Nested squares: 1000 steps satisfy (7), as the paper found; the notes have 8.0e-4 against 1.02e-2.
+    // Nested squares: 1000 steps satisfy (7), as the paper found; the notes have 8.0e-4 against
+    // 1.02e-2.
     let nested = self::cage(&nested_squares(0.0), &nested_squares(1.0));
     let path = Linear::new(&nested);
     let polygons: Vec<Polygon> = (0..=1000).map(|k| path.polygon(f64::from(k) / 1000.0).unwrap()).collect();

@@ -21,17 +21,18 @@ const STEADY: f64 = 0.25;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Closing {
     /// Those whose lengths change most. Where no length changes, this has no limit: which edge
-    /// takes it depends on which of them
-    /// changes by however little.
+    /// takes it depends on which of them changes by however little.
     Changing,
     /// Longer ones and those that change, by weights that are continuous in the lengths.
     Steady,
 }
 
-/// The intrinsic path of Sederberg, Gao, Wang and Mu 1993, every loop on its own, normalised as in section 3.1 of the paper:
-/// area, barycentre and the angle of the first edge go linearly, the angle the shorter way.
+/// The intrinsic path of Sederberg, Gao, Wang and Mu 1993, every loop on its own, normalised as in
+/// section 3.1 of the paper: area, barycentre and the angle of the first edge go linearly, the
+/// angle the shorter way.
 ///
-/// Convex polygons stay convex. A loop may come to intersect itself, and loops may collide: the polygons are to be checked.
+/// Convex polygons stay convex. A loop may come to intersect itself, and loops may collide: the
+/// polygons are to be checked.
 #[derive(Clone, Debug)]
 pub struct Intrinsic {
     cage: Cage,
@@ -119,7 +120,8 @@ impl Ring {
             })
             .collect();
         let mut lengths: Vec<f64> = (0..n).map(|i| mix(a.lengths[i], b.lengths[i])).collect();
-        // Least sum of (S_i / w_i)^2 subject to sum (L_i + S_i) d_i = 0: S_i = -w_i^2 d_i . l with a 2 x 2 system for l.
+        // Least sum of (S_i / w_i)^2 subject to sum (L_i + S_i) d_i = 0: S_i = -w_i^2 d_i . l with
+        // a 2 x 2 system for l.
         let (mut xx, mut xy, mut yy, mut gap) = (0.0, 0.0, 0.0, DVec2::ZERO);
         for i in 0..n {
             let (w, d) = (self.weights[i], directions[i]);

@@ -1,9 +1,9 @@
 //! Vertex paths: how the source polygon becomes the target (paper, sections 2.2 and 3.1).
 //!
-//! A path gives a polygon for every `t` in 0..1, the source at 0 and the target at 1. Only the polygons a partition uses need to
-//! be simple; each of them is checked ([`polygon_at`]). Three paths are known, in the order in
-//! which they are tried; a fourth,
-//! [`Relaxed`], makes the first two continuous in the polygons.
+//! A path gives a polygon for every `t` in 0..1, the source at 0 and the target at 1. Only the
+//! polygons a partition uses need to be simple; each of them is checked ([`polygon_at`]). Three
+//! paths are known, in the order in which they are tried; a fourth, [`Relaxed`], makes the first
+//! two continuous in the polygons.
 
 mod clearance;
 mod compatible;
@@ -32,7 +32,8 @@ pub enum PathKind {
     Intrinsic,
     /// Every vertex goes straight.
     Linear,
-    /// Convex combinations in compatible triangulations (Gotsman, Surazhsky 2001): never intersects itself.
+    /// Convex combinations in compatible triangulations (Gotsman, Surazhsky 2001): never intersects
+    /// itself.
     Compatible,
     /// The intrinsic or the linear path between a source and a target that are relaxed as far as it
     /// needs: continuous in both.

@@ -1,14 +1,13 @@
 //! Polygons that move apart from themselves, until they are convex.
 //!
 //! Every vertex is repelled by the edges that do not end there, edges by vertices, by an energy of
-//! the kind that unfolds linkages (Cantarella, Demaine,
-//! Iben, O'Brien 2004): a simple polygon that is not convex has an expansive motion (Connelly,
-//! Demaine, Rote 2003), and an energy that falls as distances
-//! grow has no rest before that is done. The energy of a pair counts as far as its distance is
-//! shorter than the way along the loop (O'Hara 1991), so that
-//! a straight chain of many short edges is at rest. A step moves each vertex by a weighted mean of
-//! the distances it is to gain; it never meets an edge. All
-//! of this is as smooth in the polygon as distances are: no choice is made on the way.
+//! the kind that unfolds linkages (Cantarella, Demaine, Iben, O'Brien 2004): a simple polygon that
+//! is not convex has an expansive motion (Connelly, Demaine, Rote 2003), and an energy that falls
+//! as distances grow has no rest before that is done. The energy of a pair counts as far as its
+//! distance is shorter than the way along the loop (O'Hara 1991), so that a straight chain of many
+//! short edges is at rest. A step moves each vertex by a weighted mean of the distances it is to
+//! gain; it never meets an edge. All of this is as smooth in the polygon as distances are: no
+//! choice is made on the way.
 
 use glam::DVec2;
 

@@ -1,17 +1,16 @@
 //! A path that depends continuously on its ends.
 //!
 //! The intrinsic and the linear path are continuous in source and target, but may meet themselves
-//! on the way; a change to another path there is a jump of
-//! the map. Here nothing is changed for another: source and target are relaxed ([`Relaxation`]),
-//! each by the same part `T`, and the path leads from the source to
-//! the relaxed source, along the path to the relaxed target, and from there to the target. `T` is 0
-//! where the path itself keeps off itself.
+//! on the way; a change to another path there is a jump of the map. Here nothing is changed for
+//! another: source and target are relaxed ([`Relaxation`]), each by the same part `T`, and the path
+//! leads from the source to the relaxed source, along the path to the relaxed target, and from
+//! there to the target. `T` is 0 where the path itself keeps off itself.
 //!
 //! Which `T`: let `m(T)` be how far the path between the ends relaxed by `T` keeps off itself (1 as
-//! far as its ends, 0 not at all), and `need` fall from 1 to 0
-//! as `m` grows. Then `T = need(m(0)) max over T' of T' need(m(T'))` is continuous in the ends,
-//! since the maximum of continuous functions is. Where the path itself is of
-//! no use, `m(T) > 0`: where `m(T')` is too small, `T` is no less than `T'`.
+//! far as its ends, 0 not at all), and `need` fall from 1 to 0 as `m` grows. Then `T = need(m(0))
+//! max over T' of T' need(m(T'))` is continuous in the ends, since the maximum of continuous
+//! functions is. Where the path itself is of no use, `m(T) > 0`: where `m(T')` is too small, `T` is
+//! no less than `T'`.
 
 use rayon::prelude::*;
 
@@ -52,9 +51,9 @@ impl Base {
 }
 
 /// The intrinsic or the linear path between relaxed polygons, as far as they have to be relaxed:
-/// continuous in source and target as long as no loop turns by
-/// half a turn against the outermost one. The polygons are to be checked: loops within loops may
-/// find no way, and thin parts of double precision neither.
+/// continuous in source and target as long as no loop turns by half a turn against the outermost
+/// one. The polygons are to be checked: loops within loops may find no way, and thin parts of
+/// double precision neither.
 ///
 /// Building it takes O(n^2) time and memory for n vertices.
 #[derive(Debug)]

@@ -21,6 +21,6 @@ use crate::engine::Kernel;
 /// The kernels of this folder.
 pub const KERNELS: &[&Kernel] = &[&jacobian_min::JACOBIAN_MIN_3D, &map_points::MAP_POINTS_3D];
 
-/// Products of points and faces that one submission holds, so that none is long: a second on a software device, milliseconds on
-/// another.
+/// Products of points and faces that one submission holds, so that none is long: a second on a
+/// software device, milliseconds on another.
 const SUBMISSION: u64 = 1 << 24;

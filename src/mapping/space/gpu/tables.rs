@@ -34,7 +34,8 @@ pub(super) const PARAMS: BindingKind = BindingKind::Uniform(size_of::<SpaceParam
 /// A block of faces.
 pub(super) const FACES: BindingKind = BindingKind::Uniform(UNIFORM_BLOCK);
 
-/// A face: corners, normal, directions of the edges with their lengths, displacement of corner 0, rows of its gradient.
+/// A face: corners, normal, directions of the edges with their lengths, displacement of corner 0,
+/// rows of its gradient.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 struct FaceRecord {

@@ -18,7 +18,8 @@ const ROUNDING: f64 = 1e-12;
 const WALK: usize = 200;
 /// Triangles at most.
 const LARGEST: usize = 4000;
-/// Bounds of the cotangents that serve as weights; positive weights are what keeps the chart from folding.
+/// Bounds of the cotangents that serve as weights; positive weights are what keeps the chart from
+/// folding.
 const WEIGHTS: [f64; 2] = [0.05, 20.0];
 
 /// A disk of triangles in the plane, all facing up.
@@ -79,7 +80,8 @@ impl Chart {
         [(c - b).perp_dot(q - b), (a - c).perp_dot(q - c), (b - a).perp_dot(q - a)].map(|x| x / double)
     }
 
-    /// The surface point at a place, and its triangle in the chart; `None` outside. Walks there from the triangle `start` of the chart.
+    /// The surface point at a place, and its triangle in the chart; `None` outside. Walks there
+    /// from the triangle `start` of the chart.
     pub(super) fn lift(&self, q: DVec2, start: usize) -> Option<(SurfacePoint, usize)> {
         let inside = |x: [f64; 3]| x.iter().all(|x| *x >= -ROUNDING);
         let mut t = start;
@@ -194,7 +196,8 @@ fn rim(corners: &[[u32; 3]]) -> Option<Vec<u32>> {
     (longest.len() >= 3).then_some(longest)
 }
 
-/// Places with the rim on a circle, every other point the weighted mean of its neighbours; by conjugate gradients.
+/// Places with the rim on a circle, every other point the weighted mean of its neighbours; by
+/// conjugate gradients.
 fn flatten(place: &[DVec3], corners: &[[u32; 3]], rim: &[u32]) -> Option<Vec<DVec2>> {
     let n = place.len();
     let mut weights: Vec<Vec<(u32, f64)>> = vec![Vec::new(); n];

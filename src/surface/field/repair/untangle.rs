@@ -1,7 +1,10 @@
-//! Triangles of a planar patch turned the right way by moving its free vertices: a mapping without foldovers.
+//! Triangles of a planar patch turned the right way by moving its free vertices: a mapping without
+//! foldovers.
 //!
-//! The energy is that of Garanzha et al. 2021 (Foldover-free maps in 50 lines of code): `T / (2 chi) + (D^2 + 1) / (2 chi)`, T and D the squared norm and the determinant of the map from a triangle's
-//! shape to its place, `chi = (D + sqrt(eps^2 + D^2)) / 2` in place of D, so that turned triangles have an energy, too; eps falls as they become fewer.
+//! The energy is that of Garanzha et al. 2021 (Foldover-free maps in 50 lines of code): `T / (2
+//! chi) + (D^2 + 1) / (2 chi)`, T and D the squared norm and the determinant of the map from a
+//! triangle's shape to its place, `chi = (D + sqrt(eps^2 + D^2)) / 2` in place of D, so that turned
+//! triangles have an energy, too; eps falls as they become fewer.
 
 use glam::DVec2;
 
@@ -13,7 +16,8 @@ const SMOOTHING: usize = 6;
 const AVERAGES: usize = 60;
 /// Halvings of a step that does not lower the energy.
 const HALVINGS: usize = 10;
-/// A triangle thinner than this (height over base) counts as one so thick: others need not suffer for its shape.
+/// A triangle thinner than this (height over base) counts as one so thick: others need not suffer
+/// for its shape.
 const THINNEST: f64 = 0.1;
 
 /// Gradients of the barycentric coordinates of a triangle in its shape, and its area.
@@ -23,7 +27,8 @@ struct Shape {
     area: f64,
 }
 
-/// The shape of a triangle by the squared lengths of the sides opposite to its corners, scaled; `None` if two corners coincide.
+/// The shape of a triangle by the squared lengths of the sides opposite to its corners, scaled;
+/// `None` if two corners coincide.
 fn shape(squared: [f64; 3], scale: f64) -> Option<Shape> {
     // From the first corner to the second along x.
     let base = squared[2].sqrt() * scale;
@@ -52,7 +57,8 @@ pub(super) struct Patch<'a> {
 }
 
 impl Patch<'_> {
-    /// Moves the free points until no triangle is turned, or refuses: where the rim itself encloses no area no place of them is right. Says whether all triangles face up.
+    /// Moves the free points until no triangle is turned, or refuses: where the rim itself encloses
+    /// no area no place of them is right. Says whether all triangles face up.
     pub(super) fn untangle(&self, points: &mut [DVec2]) -> bool {
         let doubled = |p: &[DVec2], t: [u32; 3]| {
             let [a, b, c] = t.map(|v| p[v as usize]);
@@ -108,7 +114,8 @@ impl Patch<'_> {
         }
     }
 
-    /// A step of Newton's method for one point, the positive part of the second derivative in place of the whole, halved until the energy falls.
+    /// A step of Newton's method for one point, the positive part of the second derivative in place
+    /// of the whole, halved until the energy falls.
     fn move_vertex(&self, v: u32, fan: &[usize], shapes: &[Option<Shape>], eps: f64, points: &mut [DVec2]) {
         let start = points[v as usize];
         let (mut energy, mut gradient) = (0.0, DVec2::ZERO);
@@ -118,7 +125,8 @@ impl Patch<'_> {
             let k = t.iter().position(|&w| w == v).unwrap_or(0);
             let m = Measured::new(t.map(|w| points[w as usize]), s, eps);
             let g = s.gradients[k];
-            // Derivatives of the squared norm and of the determinant; the second one of the former is 2 |g|^2.
+            // Derivatives of the squared norm and of the determinant; the second one of the former
+            // is 2 |g|^2.
             let norm = 2.0 * (m.columns[0] * g.x + m.columns[1] * g.y);
             let turn =
                 DVec2::new(g.x * m.columns[1].y - g.y * m.columns[0].y, g.y * m.columns[0].x - g.x * m.columns[1].x);

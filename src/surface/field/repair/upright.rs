@@ -1,4 +1,6 @@
-//! What a flat chart cannot tell: at a crease the chord through three images can face against the surface although they lie the right way round in the chart. Points are moved until it does not, by what is tried, since the surface is not smooth there.
+//! What a flat chart cannot tell: at a crease the chord through three images can face against the
+//! surface although they lie the right way round in the chart. Points are moved until it does not,
+//! by what is tried, since the surface is not smooth there.
 
 use glam::{DVec2, DVec3};
 
@@ -23,7 +25,8 @@ pub(super) fn facing(images: [Image; 3]) -> (DVec3, DVec3) {
     ((b.0 - a.0).cross(c.0 - a.0), a.1 + b.1 + c.1)
 }
 
-/// One triangle's part in what is to be lowered: how far it is from facing as the surface does, and much more where it faces against it, in space or in the chart.
+/// One triangle's part in what is to be lowered: how far it is from facing as the surface does, and
+/// much more where it faces against it, in space or in the chart.
 fn penalty(points: [DVec2; 3], images: [Image; 3], flat: bool) -> f64 {
     let (n, m) = facing(images);
     let cosine = n.normalize_or_zero().dot(m.normalize_or_zero());
@@ -55,7 +58,8 @@ impl<F: Fn(DVec2) -> Option<Image>> Lifted<'_, F> {
         penalty(t.map(|v| points[v]), t.map(|v| images[v]), self.flat)
     }
 
-    /// Lets every free point return towards `from` as far as no penalty rises: what a patch need not lose it keeps.
+    /// Lets every free point return towards `from` as far as no penalty rises: what a patch need
+    /// not lose it keeps.
     pub(super) fn give_back(&self, points: &mut [DVec2], from: &[DVec2]) {
         let Some(mut images) = points.iter().map(|&p| (self.lift)(p)).collect::<Option<Vec<Image>>>() else { return };
         let fans = self.fans(points.len());
@@ -80,7 +84,9 @@ impl<F: Fn(DVec2) -> Option<Image>> Lifted<'_, F> {
         }
     }
 
-    /// Moves free points while that lowers the penalties of the triangles around them: one at a time, and together those of a bad triangle or around one of its corners where no single move helps.
+    /// Moves free points while that lowers the penalties of the triangles around them: one at a
+    /// time, and together those of a bad triangle or around one of its corners where no single move
+    /// helps.
     pub(super) fn set_upright(&self, points: &mut [DVec2]) {
         let Some(mut images) = points.iter().map(|&p| (self.lift)(p)).collect::<Option<Vec<Image>>>() else { return };
         let fans = self.fans(points.len());
@@ -139,7 +145,8 @@ impl<F: Fn(DVec2) -> Option<Image>> Lifted<'_, F> {
         }
     }
 
-    /// The best of some shifts of a few points, if one lowers the penalties of the triangles around them.
+    /// The best of some shifts of a few points, if one lowers the penalties of the triangles around
+    /// them.
     fn move_together(
         &self,
         group: &[u32],

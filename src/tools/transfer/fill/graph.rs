@@ -20,14 +20,16 @@ pub(super) struct Graph {
     pub(super) known: Vec<u32>,
     /// Nodes beside each node in its chart: left, right, above, below, or [`NONE`].
     pub(super) beside: Vec<[u32; 4]>,
-    /// Known texels (places in `known`) that each node borders on: pairs, sorted by node; across seams, too.
+    /// Known texels (places in `known`) that each node borders on: pairs, sorted by node; across
+    /// seams, too.
     pub(super) border: Vec<(u32, u32)>,
     /// Nodes across seams: pairs both ways, sorted.
     pub(super) across: Vec<(u32, u32)>,
 }
 
 impl Graph {
-    /// Of holes with the texels around them. `covers` tells which texels beyond seams have a colour.
+    /// Of holes with the texels around them. `covers` tells which texels beyond seams have a
+    /// colour.
     pub(super) fn new(holes: &Holes, covers: &[u8], seams: &[SeamPair], width: u32) -> Self {
         let texels = &holes.texels;
         let find = |index: u32| texels.binary_search_by_key(&index, |t| t.index).ok();

@@ -30,7 +30,8 @@ impl Holes {
         !self.texels.iter().any(|t| t.hole)
     }
 
-    /// Adds the holes of a band. With `doubtful`, texels that the map does not vouch for are holes, too.
+    /// Adds the holes of a band. With `doubtful`, texels that the map does not vouch for are holes,
+    /// too.
     pub(in crate::tools::transfer) fn collect(
         &mut self,
         rows: &std::ops::Range<usize>,

@@ -1,4 +1,5 @@
-//! Colours for the parts of charts that the map leaves without: interpolated from what surrounds them on the surface.
+//! Colours for the parts of charts that the map leaves without: interpolated from what surrounds
+//! them on the surface.
 
 mod graph;
 mod holes;
@@ -23,12 +24,14 @@ pub enum Fill {
     /// The background.
     #[default]
     None,
-    /// Averages over ever larger parts of the hole, interpolated back (Gortler, Grzeszczuk, Szeliski and Cohen 1996, "The Lumigraph",
-    /// section 3.4.3): fast.
+    /// Averages over ever larger parts of the hole, interpolated back (Gortler, Grzeszczuk,
+    /// Szeliski and Cohen 1996, "The Lumigraph", section 3.4.3): fast.
     PullPush,
-    /// The harmonic function with the colours around as boundary values: no bump inside, no step at the border.
+    /// The harmonic function with the colours around as boundary values: no bump inside, no step at
+    /// the border.
     Smooth,
-    /// The nearest colour, counted in steps from texel to texel. Labels, which do not mix, get it whatever is asked for.
+    /// The nearest colour, counted in steps from texel to texel. Labels, which do not mix, get it
+    /// whatever is asked for.
     Nearest,
 }
 
@@ -43,10 +46,12 @@ impl Fill {
     }
 }
 
-/// Fills the holes of a picture and returns the texels that got a colour. Holes that border on nothing stay as they are.
+/// Fills the holes of a picture and returns the texels that got a colour. Holes that border on
+/// nothing stay as they are.
 ///
-/// Texels are neighbours along rows and columns of a chart, and across `seams`. Colours are mixed decoded and weighted by opacity, as
-/// filters do; `finish` gets all of them before they are stored. O(n log n) for n texels of holes.
+/// Texels are neighbours along rows and columns of a chart, and across `seams`. Colours are mixed
+/// decoded and weighted by opacity, as filters do; `finish` gets all of them before they are
+/// stored. O(n log n) for n texels of holes.
 pub(super) fn fill(
     image: &mut Image,
     holes: &Holes,

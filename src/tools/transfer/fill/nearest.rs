@@ -5,8 +5,8 @@ use std::collections::VecDeque;
 use super::graph::Graph;
 use crate::geometry::NONE;
 
-/// For each node the texel whose colour it takes: the nearest in steps along rows, columns and across seams, the lowest one of the first node
-/// on ties; [`NONE`] where there is none. O(nodes).
+/// For each node the texel whose colour it takes: the nearest in steps along rows, columns and
+/// across seams, the lowest one of the first node on ties; [`NONE`] where there is none. O(nodes).
 pub(super) fn nearest(graph: &Graph) -> Vec<u32> {
     let mut from = vec![NONE; graph.unknown.len()];
     let mut queue = VecDeque::new();

@@ -11,7 +11,8 @@ const ROUNDS: usize = 64;
 pub(super) struct Level {
     /// Number of cells.
     pub(super) count: usize,
-    /// For each cell of the level below (nodes for the first), up to four cells here and their bilinear weights, which sum to 1.
+    /// For each cell of the level below (nodes for the first), up to four cells here and their
+    /// bilinear weights, which sum to 1.
     pub(super) parents: Vec<[(u32, f32); 4]>,
 }
 
@@ -26,7 +27,8 @@ fn key(part: u32, x: u32, y: u32) -> u64 {
 }
 
 impl Pyramid {
-    /// O(n log n); the levels together have at most about 4/3 as many cells as nodes, thin parts twice as many.
+    /// O(n log n); the levels together have at most about 4/3 as many cells as nodes, thin parts
+    /// twice as many.
     pub(super) fn new(graph: &Graph) -> Self {
         let mut below: Vec<(u32, u32, u32)> = (0..graph.unknown.len())
             .map(|n| {
@@ -69,7 +71,8 @@ fn parents(cells: &[u64], (part, x, y): (u32, u32, u32)) -> [(u32, f32); 4] {
     out
 }
 
-/// Values of the nodes, and which of them have one. Parts that border on no colour are filled from parts that were filled before, across seams.
+/// Values of the nodes, and which of them have one. Parts that border on no colour are filled from
+/// parts that were filled before, across seams.
 pub(super) fn pull_push(graph: &Graph, pyramid: &Pyramid, known: &[f64]) -> (Vec<f64>, Vec<bool>) {
     let n = graph.unknown.len();
     let (mut values, mut filled) = (vec![0.0; n], vec![false; n]);

@@ -4,18 +4,22 @@ use super::graph::Graph;
 use super::pyramid::Pyramid;
 use crate::geometry::NONE;
 
-/// The residual over the one of the start, or over the boundary values, that ends the iteration: a fraction of a 16-bit step.
+/// The residual over the one of the start, or over the boundary values, that ends the iteration: a
+/// fraction of a 16-bit step.
 const TOLERANCE: f64 = 1e-7;
 /// Iterations at most; the preconditioner needs a few dozen.
 const MOST_ITERATIONS: usize = 500;
-/// Coarse cells count as having this many neighbours: the Galerkin diagonal of bilinear functions on a grid, about.
+/// Coarse cells count as having this many neighbours: the Galerkin diagonal of bilinear functions
+/// on a grid, about.
 const COARSE_DEGREE: f64 = 4.0;
 
-/// Solves the graph's Laplace equation, each node the mean of its neighbours, for nodes that `filled` names, from `values` on; neighbours without
-/// a value do not count. Returns the iterations.
+/// Solves the graph's Laplace equation, each node the mean of its neighbours, for nodes that
+/// `filled` names, from `values` on; neighbours without a value do not count. Returns the
+/// iterations.
 ///
-/// Conjugate gradients in double precision, preconditioned by the sum of the pyramid's levels (Bramble, Pasciak and Xu 1990, "Parallel
-/// multilevel preconditioners"): O(n) a step, and the number of steps hardly grows with n. One thread, so always the same bits.
+/// Conjugate gradients in double precision, preconditioned by the sum of the pyramid's levels
+/// (Bramble, Pasciak and Xu 1990, "Parallel multilevel preconditioners"): O(n) a step, and the
+/// number of steps hardly grows with n. One thread, so always the same bits.
 pub(super) fn solve(graph: &Graph, pyramid: &Pyramid, known: &[f64], filled: &[bool], values: &mut [f64]) -> usize {
     let n = values.len();
     let system = System::new(graph, pyramid, filled);
@@ -45,7 +49,8 @@ pub(super) fn solve(graph: &Graph, pyramid: &Pyramid, known: &[f64], filled: &[b
         }
         system.apply(&along, &mut product);
         let curvature = dot(&along, &product);
-        // Also where it is not a number: colours of float pictures may be infinite. The start stays then.
+        // Also where it is not a number: colours of float pictures may be infinite. The start stays
+        // then.
         if !(curvature > 0.0) {
             return iteration;
         }
@@ -80,7 +85,8 @@ struct System<'a> {
 impl<'a> System<'a> {
     fn new(graph: &'a Graph, pyramid: &'a Pyramid, filled: &'a [bool]) -> Self {
         let n = graph.unknown.len();
-        // Edges that do not end in the same part: they hold a coarse function down that lies over the part's border.
+        // Edges that do not end in the same part: they hold a coarse function down that lies over
+        // the part's border.
         let mut held = vec![0.0; n];
         for &(u, _) in &graph.border {
             held[u as usize] += 1.0;

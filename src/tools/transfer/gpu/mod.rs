@@ -6,8 +6,8 @@
 //! | `sample_texture` | the colour of a footprint | [`sample_texture`](super::sample::sample_texture) |
 //! | `pad_columns`, `pad_seams` | the nearest covered texel, in the column and in the row | [`pad_seams`](super::pad::pad_seams) |
 //!
-//! What is decided in integers (coverage, padding) is the reference's to the bit. Footprints, between map and sampling, are found on the
-//! host, where the map's images are judged.
+//! What is decided in integers (coverage, padding) is the reference's to the bit. Footprints,
+//! between map and sampling, are found on the host, where the map's images are judged.
 
 mod pad_seams;
 mod rasterize_atlas;

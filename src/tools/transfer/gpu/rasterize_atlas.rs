@@ -11,8 +11,8 @@ use crate::kernel_layout as layout;
 use crate::tools::transfer::atlas::{self, AtlasTexel, AtlasTriangle, BIN, BinEntry, Tile};
 use crate::tools::transfer::bins::Bins;
 
-/// Entries of a bin beyond which its 64 texels go through the reference: both loops of the kernel together stay far within the
-/// loop budget of any driver, and a dispatch within its time.
+/// Entries of a bin beyond which its 64 texels go through the reference: both loops of the kernel
+/// together stay far within the loop budget of any driver, and a dispatch within its time.
 pub const MOST_ENTRIES: u32 = 4096;
 
 /// Parameters of the kernel; twin of the struct in `shaders/rasterize_atlas.wgsl`.
@@ -91,7 +91,8 @@ impl<'a> Rasterizer<'a> {
         self.left
     }
 
-    /// The same as [`rasterize_atlas`](atlas::rasterize_atlas), but for the rounding of barycentric coordinates.
+    /// The same as [`rasterize_atlas`](atlas::rasterize_atlas), but for the rounding of barycentric
+    /// coordinates.
     ///
     /// # Errors
     /// As [`Rasterizer::new`].
@@ -181,7 +182,8 @@ impl<'a> Rasterizer<'a> {
     }
 }
 
-/// Entries in the bins of a tile beyond which it goes through the reference: more than tiles of usual meshes have.
+/// Entries in the bins of a tile beyond which it goes through the reference: more than tiles of
+/// usual meshes have.
 fn entries(triangles: usize) -> usize {
     4 * triangles + (1 << 16)
 }

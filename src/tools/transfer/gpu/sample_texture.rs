@@ -78,7 +78,8 @@ const fn variant(constants: &'static [(&'static str, f64)]) -> Kernel {
 /// Texels of a dispatch at most.
 const MOST_TEXELS: usize = 1 << 17;
 
-/// Footprints that reach over more texels than this, or lie farther off, go through the reference, which tells what is not finite.
+/// Footprints that reach over more texels than this, or lie farther off, go through the reference,
+/// which tells what is not finite.
 const LARGEST: f32 = 2.5e5;
 
 /// Buffers for sampling, shared by all textures.
@@ -244,7 +245,8 @@ impl<'a> Sampler<'a> {
         }
     }
 
-    /// The same as [`sample_texture`], but for rounding: samples `texture`, which is `chain` on the device.
+    /// The same as [`sample_texture`], but for rounding: samples `texture`, which is `chain` on the
+    /// device.
     ///
     /// # Errors
     /// [`Error::Device`](crate::Error::Device).

@@ -115,7 +115,8 @@ impl<'a> Stages<'a> {
     }
 }
 
-/// What a stage needs on its device. Where that does not fit, the stage goes to the CPU and a note says why.
+/// What a stage needs on its device. Where that does not fit, the stage goes to the CPU and a note
+/// says why.
 fn make<'a, T>(
     stage: &mut Option<&'a Gpu>,
     notes: &mut Vec<String>,

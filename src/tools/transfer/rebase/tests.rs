@@ -1,4 +1,5 @@
-//! Maps whose fate is known: the identity between equal, turned, scaled, stretched and differently unwrapped meshes.
+//! Maps whose fate is known: the identity between equal, turned, scaled, stretched and differently
+//! unwrapped meshes.
 
 use std::f64::consts::TAU;
 
@@ -88,7 +89,8 @@ fn texels(mesh: &Mesh) -> Vec<AtlasTexel> {
     out
 }
 
-/// Angles in degrees, sorted, between the normals that `image` shades `mesh` with and `truth`, a function of points.
+/// Angles in degrees, sorted, between the normals that `image` shades `mesh` with and `truth`, a
+/// function of points.
 fn errors(mesh: &Mesh, image: &Image, truth: impl Fn(u32, [f64; 3]) -> DVec3) -> Vec<f64> {
     let frames = smooth(mesh);
     let mut errors = Vec::new();
@@ -208,7 +210,8 @@ fn other_texture_coordinates_shade_the_same() {
             let good = errors(&target, &out.layers[0], truth);
             assert!(median(&good) < 0.6 && p99(&good) < 2.0, "{relief:?}: {} {}", median(&good), p99(&good));
         }
-        // The test would notice a green channel that points the other way, and a map that is only resampled.
+        // The test would notice a green channel that points the other way, and a map that is only
+        // resampled.
         let mut flipped = run(&source, &image, LayerKind::tangent_normal(), &target).layers.remove(0);
         for i in 0..SIZE * SIZE {
             let (x, y) = (i % SIZE, i / SIZE);

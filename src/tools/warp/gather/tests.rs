@@ -71,7 +71,8 @@ fn constants_stay_under_any_map() {
     }
 }
 
-/// The frequency response of the kernel (1 - q)^3 to a wave with this phase advance per kernel radius, by quadrature.
+/// The frequency response of the kernel (1 - q)^3 to a wave with this phase advance per kernel
+/// radius, by quadrature.
 fn response(advance: f64) -> f64 {
     let n = 4000;
     let (mut sum, mut weights) = (0.0, 0.0);
@@ -236,7 +237,8 @@ fn every_kind_of_samples_is_filtered_as_by_hand() {
             let image = Image::new(w, h, channels, pixels).unwrap();
             for alpha in [Alpha::Opacity, Alpha::Data] {
                 let pyramid = Pyramid::new(&image, Encoding { alpha, ..Encoding::default() }).unwrap();
-                // Within the picture to its last sample, so that nothing is continued, and over its borders.
+                // Within the picture to its last sample, so that nothing is continued, and over its
+                // borders.
                 for (a, b) in [([[0.9, 0.1], [-0.07, 0.8]], [2.0, 4.5]), ([[1.2, -0.3], [0.2, 1.3]], [-5.0, -6.0])] {
                     let (mut footprints, base) = affine(33, 34, a, b);
                     footprints.set(7, Footprint::default());

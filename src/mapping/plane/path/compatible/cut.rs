@@ -27,13 +27,14 @@ impl Drawings {
         self.kept.extend((0..ring.len()).map(|i| undirected(ring[i], ring[(i + 1) % ring.len()])));
     }
 
-    /// The boundary of the region after cuts that join its inner boundaries to the outer one: a closed word of vertices in which
-    /// those of a cut appear twice. The cuts become kept edges, their inner points new vertices. `None` where rounding gets in
-    /// the way.
+    /// The boundary of the region after cuts that join its inner boundaries to the outer one: a
+    /// closed word of vertices in which those of a cut appear twice. The cuts become kept edges,
+    /// their inner points new vertices. `None` where rounding gets in the way.
     pub(super) fn cut_open(&mut self, region: Region) -> Option<Vec<usize>> {
         let mut word = region.outer;
         let mut inner = region.inner;
-        // A vertex carries one cut of a region at most: then its place in the word says on which side of it the cut leaves.
+        // A vertex carries one cut of a region at most: then its place in the word says on which
+        // side of it the cut leaves.
         let mut taken: BTreeSet<usize> = BTreeSet::new();
         while !inner.is_empty() {
             let (place, ring, start) = self.closest(&word, &inner, &taken)?;
@@ -51,7 +52,8 @@ impl Drawings {
         Some(word)
     }
 
-    /// Where the next cut goes: a place in the word, an inner boundary and a place in that, close together in both drawings.
+    /// Where the next cut goes: a place in the word, an inner boundary and a place in that, close
+    /// together in both drawings.
     fn closest(&self, word: &[usize], inner: &[Vec<usize>], taken: &BTreeSet<usize>) -> Option<(usize, usize, usize)> {
         let apart = |a: usize, b: usize| -> f64 { self.points.iter().map(|p| p[a].distance_squared(p[b])).sum() };
         let mut best: Option<(f64, (usize, usize, usize))> = None;
@@ -68,7 +70,8 @@ impl Drawings {
         best.map(|(_, place)| place)
     }
 
-    /// The inner points of a cut between two wedges, the same number of them in both drawings: new vertices.
+    /// The inner points of a cut between two wedges, the same number of them in both drawings: new
+    /// vertices.
     fn cut(&mut self, from: (usize, usize), to: (usize, usize)) -> Option<Vec<usize>> {
         let mut lines: Vec<Vec<DVec2>> = Vec::new();
         for points in &self.points {

@@ -1,13 +1,16 @@
 //! A path that never intersects itself: convex combinations in compatible triangulations.
 //!
-//! Source and target are drawn in one convex frame. Every region between loops, the surroundings included, is cut open to a disc
-//! in the same way in both drawings and triangulated in each; the two triangulations laid over one another ([`overlay`]) are one
-//! triangulation with two drawings. In each, every vertex off the frame is a convex combination of its neighbours, by their mean
-//! value weights. Mixtures of the two rows are convex combinations as well, and a triangulation with a convex frame drawn by
-//! convex combinations has no intersections (Tutte 1963; Floater 1997, 2003; Gotsman, Surazhsky 2001): so for every `t` the
-//! solution of a sparse system has the loops simple, disjoint and nested as they are. The new vertices lie off the loops.
+//! Source and target are drawn in one convex frame. Every region between loops, the surroundings
+//! included, is cut open to a disc in the same way in both drawings and triangulated in each; the
+//! two triangulations laid over one another ([`overlay`]) are one triangulation with two drawings.
+//! In each, every vertex off the frame is a convex combination of its neighbours, by their mean
+//! value weights. Mixtures of the two rows are convex combinations as well, and a triangulation
+//! with a convex frame drawn by convex combinations has no intersections (Tutte 1963; Floater 1997,
+//! 2003; Gotsman, Surazhsky 2001): so for every `t` the solution of a sparse system has the loops
+//! simple, disjoint and nested as they are. The new vertices lie off the loops.
 //!
-//! Shape only is treated so: scale, position and a common rotation are taken out before and put back, linearly in `t`.
+//! Shape only is treated so: scale, position and a common rotation are taken out before and put
+//! back, linearly in `t`.
 
 mod cut;
 mod overlay;
@@ -38,14 +41,18 @@ const MOST_VERTICES: usize = 2_048;
 /// Half the side of the frame, in the distance of the farthest vertex from the barycentre.
 const FRAME: f64 = 1.5;
 
-/// A path without self-intersections (Gotsman, Surazhsky 2001), also between polygons of several loops.
+/// A path without self-intersections (Gotsman, Surazhsky 2001), also between polygons of several
+/// loops.
 ///
-/// Both polygons and their surroundings in a convex frame are triangulated compatibly (Aronov, Seidel, Souvaine 1993); each vertex
-/// is a convex combination of its neighbours by mean value weights in either, the combinations are mixed linearly in `t`, and a
-/// sparse system gives the vertices. Area, barycentre and rotation of the outermost loop go linearly. Loops stay simple, disjoint
-/// and nested for every `t` in exact arithmetic; in double precision very thin parts may fail.
+/// Both polygons and their surroundings in a convex frame are triangulated compatibly (Aronov,
+/// Seidel, Souvaine 1993); each vertex is a convex combination of its neighbours by mean value
+/// weights in either, the combinations are mixed linearly in `t`, and a sparse system gives the
+/// vertices. Area, barycentre and rotation of the outermost loop go linearly. Loops stay simple,
+/// disjoint and nested for every `t` in exact arithmetic; in double precision very thin parts may
+/// fail.
 ///
-/// Building it takes O(n^2) time and new vertices at most, for n vertices; a polygon of the path takes one sparse solve.
+/// Building it takes O(n^2) time and new vertices at most, for n vertices; a polygon of the path
+/// takes one sparse solve.
 #[derive(Clone, Debug)]
 pub struct Compatible {
     cage: Cage,
@@ -67,8 +74,8 @@ impl Compatible {
     /// The compatible path between the polygons of `cage`.
     ///
     /// # Errors
-    /// [`Error::Numeric`] where the polygons have too many vertices, or parts so thin that double precision does not hold their
-    /// triangulations.
+    /// [`Error::Numeric`] where the polygons have too many vertices, or parts so thin that double
+    /// precision does not hold their triangulations.
     pub fn new(cage: &Cage) -> Result<Self> {
         if cage.source.vertex_count() > MOST_VERTICES {
             return Err(failure(&format!("{} vertices are more than {MOST_VERTICES}", cage.source.vertex_count())));
@@ -90,7 +97,8 @@ impl Compatible {
     }
 }
 
-/// The compatible triangulations of both drawings and of their surroundings, as a system of convex combinations.
+/// The compatible triangulations of both drawings and of their surroundings, as a system of convex
+/// combinations.
 fn triangulate(polygon: &Polygon, nesting: &Nesting, loops: [Vec<DVec2>; 2]) -> Result<System> {
     let half = FRAME * loops.iter().flatten().map(|v| v.length()).fold(0.0, f64::max);
     let frame = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| DVec2::new(x, y) * half);
@@ -110,8 +118,8 @@ fn triangulate(polygon: &Polygon, nesting: &Nesting, loops: [Vec<DVec2>; 2]) -> 
     for ring in rings.iter().chain([&corners]) {
         drawings.keep_loop(ring);
     }
-    // The region around everything, then the one inside of each loop. Loops have the domain to their left, so that the regions
-    // that are not in the domain see them the other way round.
+    // The region around everything, then the one inside of each loop. Loops have the domain to
+    // their left, so that the regions that are not in the domain see them the other way round.
     let children = |parent: Option<usize>| (0..rings.len()).filter(move |&ring| nesting.parents[ring] == parent);
     let turned = |ring: usize, domain: bool| {
         let mut ring = rings[ring].clone();
@@ -156,7 +164,8 @@ impl VertexPath for Compatible {
         let mut rest = solved[self.system.frame()..].iter().copied();
         let loops: Vec<Vec<DVec2>> =
             self.cage.source.loops().iter().map(|ring| rest.by_ref().take(ring.len()).collect()).collect();
-        // Area, position and rotation go as they do on the intrinsic path, whatever the triangulation made of them.
+        // Area, position and rotation go as they do on the intrinsic path, whatever the
+        // triangulation made of them.
         let shape = Placement::of(&loops[self.outermost]);
         let mix = |a: f64, b: f64| (1.0 - t) * a + t * b;
         let (a, b) = (&self.source, &self.target);

@@ -1,9 +1,11 @@
 //! Two triangulations of one convex polygon laid over one another (Aronov, Seidel, Souvaine 1993).
 //!
-//! A disc cut out of two drawings has the same word of boundary vertices in both, and a triangulation without inner vertices in
-//! each. Placed on a convex polygon, diagonals of the one cross diagonals of the other; with the crossings as new vertices the
-//! cells are convex in both drawings, since each lies in one triangle of either. Nothing here needs coordinates but the new
-//! vertices themselves: which diagonals cross, and in which order, follows from the places of their ends.
+//! A disc cut out of two drawings has the same word of boundary vertices in both, and a
+//! triangulation without inner vertices in each. Placed on a convex polygon, diagonals of the one
+//! cross diagonals of the other; with the crossings as new vertices the cells are convex in both
+//! drawings, since each lies in one triangle of either. Nothing here needs coordinates but the new
+//! vertices themselves: which diagonals cross, and in which order, follows from the places of their
+//! ends.
 
 use std::collections::HashMap;
 
@@ -42,7 +44,8 @@ fn order(own: &[Diagonal], other: &[Diagonal], n: usize) -> Vec<Vec<Diagonal>> {
                 .filter(|&&(c, d)| (within(c) && (d > b)) || (within(d) && c < a))
                 .map(|&(c, d)| {
                     let (inner, outer) = if within(c) { (c, d) } else { (d, c) };
-                    // Diagonals of one triangulation do not cross: from a on, both ends move away from it.
+                    // Diagonals of one triangulation do not cross: from a on, both ends move away
+                    // from it.
                     (inner, (a + n - outer) % n, (c, d))
                 })
                 .collect();
@@ -56,11 +59,13 @@ fn order(own: &[Diagonal], other: &[Diagonal], n: usize) -> Vec<Vec<Diagonal>> {
 pub(super) struct Overlay {
     /// New vertices in both drawings.
     pub(super) points: [Vec<DVec2>; 2],
-    /// Triangles, anticlockwise in both: vertices of the drawings, and new ones numbered from `first`.
+    /// Triangles, anticlockwise in both: vertices of the drawings, and new ones numbered from
+    /// `first`.
     pub(super) triangles: Vec<[usize; 3]>,
 }
 
-/// The overlay of two triangulations of the disc with boundary `word`, given by places; new vertices count from `first`.
+/// The overlay of two triangulations of the disc with boundary `word`, given by places; new
+/// vertices count from `first`.
 ///
 /// `None` if there would be more than `most` crossings.
 pub(super) fn overlay(
@@ -76,7 +81,8 @@ pub(super) fn overlay(
     if orders[0].iter().map(Vec::len).sum::<usize>() > most {
         return None;
     }
-    // Numbers of the crossings, and where they are in the drawing whose diagonal they are on: evenly spaced.
+    // Numbers of the crossings, and where they are in the drawing whose diagonal they are on:
+    // evenly spaced.
     let mut number: HashMap<(Diagonal, Diagonal), usize> = HashMap::new();
     let mut points = [Vec::new(), Vec::new()];
     let spaced = |side: usize, (a, b): Diagonal, k: usize, count: usize| {
@@ -109,7 +115,8 @@ pub(super) fn overlay(
     Some(Overlay { points, triangles })
 }
 
-/// Cells of one triangle of the first triangulation, cut by the diagonals of the second that pass through it.
+/// Cells of one triangle of the first triangulation, cut by the diagonals of the second that pass
+/// through it.
 fn split(
     triangle: [usize; 3],
     along: &HashMap<Diagonal, &Vec<Diagonal>>,

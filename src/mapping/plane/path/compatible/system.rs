@@ -8,7 +8,8 @@ use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
 use faer::{Conj, Mat, Par};
 use glam::DVec2;
 
-/// Rows of both drawings, one for each vertex off the frame: it is a convex combination of its neighbours.
+/// Rows of both drawings, one for each vertex off the frame: it is a convex combination of its
+/// neighbours.
 #[derive(Clone, Debug)]
 pub(super) struct System {
     /// Positions of the vertices of the frame, which come first.
@@ -22,8 +23,8 @@ pub(super) struct System {
     right: [Vec<DVec2>; 2],
 }
 
-/// Mean value weights of a drawing's triangles, by row and neighbour, each row with the sum 1; `None` if a triangle is not
-/// positive.
+/// Mean value weights of a drawing's triangles, by row and neighbour, each row with the sum 1;
+/// `None` if a triangle is not positive.
 fn weights(points: &[DVec2], triangles: &[[usize; 3]]) -> Option<BTreeMap<(usize, usize), f64>> {
     let mut weights: BTreeMap<(usize, usize), f64> = BTreeMap::new();
     for &[a, b, c] in triangles {
@@ -49,7 +50,8 @@ fn weights(points: &[DVec2], triangles: &[[usize; 3]]) -> Option<BTreeMap<(usize
 }
 
 impl System {
-    /// The system of a triangulation in two drawings, whose first `frame` vertices are the same in both.
+    /// The system of a triangulation in two drawings, whose first `frame` vertices are the same in
+    /// both.
     pub(super) fn new(drawings: &[Vec<DVec2>; 2], triangles: &[[usize; 3]], frame: usize) -> Option<Self> {
         let unknowns = drawings[0].len() - frame;
         let rows = [weights(&drawings[0], triangles)?, weights(&drawings[1], triangles)?];

@@ -42,7 +42,8 @@ fn holes_keep_their_places() {
         let cage = cage_with_holes(kind, 6 + 3 * trial, 1 + trial % 4, &mut random);
         assert_eq!(refused(&Compatible::new(&cage).unwrap(), &cage), 0, "{trial}");
     }
-    // An island in a hole, that goes to the other side of it; and loops that turn against one another.
+    // An island in a hole, that goes to the other side of it; and loops that turn against one
+    // another.
     let square = |x: f64, y: f64, half: f64, turn: f64| -> Vec<DVec2> {
         (0..4).map(|k| dvec2(x, y) + DVec2::from_angle(turn + PI / 2.0 * f64::from(k)) * half).collect()
     };

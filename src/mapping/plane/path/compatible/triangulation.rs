@@ -49,7 +49,8 @@ impl<'a> Triangulation<'a> {
         self.faces[face].iter().find(|&&v| v != a && v != b).map(|&v| (face, v))
     }
 
-    /// Faces at `a` anticlockwise from the edge to `b` as far as the next kept edge, each with its other two vertices.
+    /// Faces at `a` anticlockwise from the edge to `b` as far as the next kept edge, each with its
+    /// other two vertices.
     pub(super) fn wedge(&self, a: usize, b: usize) -> Vec<(usize, [usize; 2])> {
         let mut faces = Vec::new();
         let mut b = b;
@@ -63,12 +64,14 @@ impl<'a> Triangulation<'a> {
         faces
     }
 
-    /// Edges crossed on the way from the wedge of `from` to that of `to` over fewest faces, crossing no kept edge; wedges are
-    /// given by their vertex and the end of their first edge. Empty where an edge joins the two.
+    /// Edges crossed on the way from the wedge of `from` to that of `to` over fewest faces,
+    /// crossing no kept edge; wedges are given by their vertex and the end of their first edge.
+    /// Empty where an edge joins the two.
     pub(super) fn crossed(&self, from: (usize, usize), to: (usize, usize)) -> Option<Vec<(usize, usize)>> {
         let goals: BTreeSet<usize> = self.wedge(to.0, to.1).into_iter().map(|(face, _)| face).collect();
         let mut seen = vec![false; self.faces.len()];
-        // Of a face, the one before it on the way and the edge between them; none for those of the first wedge.
+        // Of a face, the one before it on the way and the edge between them; none for those of the
+        // first wedge.
         let mut before: HashMap<usize, (usize, (usize, usize))> = HashMap::new();
         let mut queue = VecDeque::new();
         for (face, _) in self.wedge(from.0, from.1) {
@@ -103,8 +106,9 @@ impl<'a> Triangulation<'a> {
         None
     }
 
-    /// The triangles of a disc by the places of their corners in its word, rising; the word is the disc's boundary, with it to
-    /// the left, and has no vertex within. `None` if they do not fill it.
+    /// The triangles of a disc by the places of their corners in its word, rising; the word is the
+    /// disc's boundary, with it to the left, and has no vertex within. `None` if they do not fill
+    /// it.
     pub(super) fn disc(&self, word: &[usize]) -> Option<Vec<[usize; 3]>> {
         let n = word.len();
         let mut corners: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
