@@ -144,6 +144,7 @@ impl Gpu {
         if values.is_empty() {
             return self.check();
         }
+        self.counters.up(bytes.end - bytes.start);
         self.scoped("upload", || self.queue.write_buffer(&buffer.raw, bytes.start, bytemuck::cast_slice(values)))
     }
 
@@ -175,6 +176,7 @@ impl Gpu {
         self.scoped("upload", || {
             for (i, block) in values.chunks(per).enumerate() {
                 self.queue.write_buffer(&raw, i as u64 * UNIFORM_BLOCK, bytemuck::cast_slice(block));
+                self.counters.up(size_of_val(block) as u64);
             }
         })?;
         Ok(UniformBlocks { raw, len: values.len(), _share: share, _type: PhantomData })
@@ -193,6 +195,7 @@ impl Gpu {
             });
         }
         let stride = u64::from(self.span_stride());
+        self.counters.allocation();
         let spans = self.scoped("spans", || {
             self.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(kernel.name),
@@ -236,6 +239,7 @@ impl Gpu {
             });
         }
         let share = self.budget.take(label, size)?;
+        self.counters.allocation();
         let raw = self.scoped(&format!("buffer '{label}'"), || {
             self.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(label),

@@ -46,6 +46,7 @@ impl Gpu {
     /// [`Error::Device`] after the time limit of the engine's options, or if the device is lost.
     pub fn wait(&self, submission: &Submission) -> Result<()> {
         self.check()?;
+        self.counters.wait();
         let wait = wgpu::PollType::Wait { submission_index: Some(submission.0.clone()), timeout: Some(self.timeout) };
         match self.device.poll(wait) {
             Ok(_) => self.check(),
@@ -220,7 +221,7 @@ impl Batch<'_> {
         pass.set_pipeline(&pipeline.pipeline);
         pass.set_bind_group(0, &group.raw, &[offset]);
         pass.dispatch_workgroups(x, y, 1);
-        self.gpu.dispatched.fetch_add(1, Ordering::Relaxed);
+        self.gpu.counters.dispatch();
         Ok(())
     }
 
@@ -263,8 +264,10 @@ impl Batch<'_> {
             for (buffer, spans) in &spans {
                 for (slot, span) in spans.iter().enumerate() {
                     gpu.queue.write_buffer(buffer, slot as u64 * stride, bytemuck::bytes_of(span));
+                    gpu.counters.up(size_of::<Span>() as u64);
                 }
             }
+            gpu.counters.submission();
             Submission(gpu.queue.submit([encoder.finish()]))
         })
     }

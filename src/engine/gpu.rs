@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use super::capability::Capabilities;
 use super::kernel::{BindingKind, GROUP, Kernel, Span};
+use super::traffic::{Counters, Traffic};
 use crate::error::{Error, Result};
 
 /// A kernel's name and text, and the bits of its override constants.
@@ -21,7 +22,7 @@ pub struct Gpu {
     pub(super) timeout: Duration,
     pub(super) budget: Arc<Budget>,
     pub(super) submitting: Mutex<()>,
-    pub(super) dispatched: AtomicU64,
+    pub(super) counters: Counters,
     fault: Arc<OnceLock<String>>,
     pipelines: Mutex<HashMap<Variant, Arc<Pipeline>>>,
 }
@@ -102,7 +103,7 @@ impl Gpu {
             timeout,
             budget: Arc::new(Budget { held: AtomicU64::new(0), allowed: memory.unwrap_or(u64::MAX) }),
             submitting: Mutex::new(()),
-            dispatched: AtomicU64::new(0),
+            counters: Counters::default(),
             fault: Arc::new(OnceLock::new()),
             pipelines: Mutex::new(HashMap::new()),
         }
@@ -122,9 +123,9 @@ impl Gpu {
         }));
     }
 
-    /// Dispatches recorded so far: what tells whether a stage ran kernels.
-    pub fn dispatched(&self) -> u64 {
-        self.dispatched.load(Ordering::Relaxed)
+    /// What crossed between host and device so far, of all threads.
+    pub fn traffic(&self) -> Traffic {
+        self.counters.read()
     }
 
     /// What this device can do.

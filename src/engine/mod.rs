@@ -23,6 +23,7 @@ pub mod reflect;
 mod shader;
 mod start;
 mod table;
+mod traffic;
 
 pub use adapter::AdapterSummary;
 pub use buffer::{BindGroup, Binding, Buffer, PingPong, UniformBlocks};
@@ -39,6 +40,7 @@ pub use real::Real;
 pub use shader::{Composed, compose};
 pub use start::{Description, Engine};
 pub use table::Table;
+pub use traffic::Traffic;
 
 /// The engine's own kernels.
 pub const KERNELS: &[&Kernel] = &[

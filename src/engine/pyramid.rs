@@ -104,6 +104,7 @@ impl Gpu {
             });
         }
         let share = self.budget.take(label, Pyramid::bytes::<T>(size, levels, channels))?;
+        self.counters.allocation();
         let texture = self.scoped(&format!("picture '{label}'"), || {
             self.device.create_texture(&wgpu::TextureDescriptor {
                 label: Some(label),
@@ -144,8 +145,10 @@ impl Gpu {
                     self.queue.write_texture(target, bytemuck::cast_slice(&strip), layout, extent);
                 })?;
                 written += size_of_val(strip.as_slice());
+                self.counters.up_once(size_of_val(strip.as_slice()) as u64);
                 if written >= FLUSH {
                     written = 0;
+                    self.counters.submission();
                     let all = self.scoped("upload", || Submission(self.queue.submit([])))?;
                     self.wait(&all)?;
                 }

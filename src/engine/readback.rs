@@ -109,6 +109,7 @@ impl<'a, T: Pod> ReadbackRing<'a, T> {
             let view = p.slot.raw.get_mapped_range(0..p.bytes).map_err(|e| lost(e.to_string()))?;
             bytemuck::cast_slice_mut::<T, u8>(&mut values).copy_from_slice(&view);
             drop(view);
+            self.gpu.counters.down(p.bytes);
             p.slot.raw.unmap();
         }
         self.free.push(p.slot);

@@ -66,6 +66,8 @@ impl Gpu {
             padded.resize(row * height, 0);
             &padded
         };
+        self.counters.allocation();
+        self.counters.up_once(whole.len() as u64);
         let view = self.scoped(&format!("table '{label}'"), || {
             let texture = self.device.create_texture(&wgpu::TextureDescriptor {
                 label: Some(label),

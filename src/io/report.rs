@@ -12,7 +12,6 @@ use crate::{Error, Result};
 const MAY_BE_NULL: &[&str] = &[
     "alignment",
     "ambiguity",
-    "cpu_seconds",
     "field",
     "flagged",
     "file",

@@ -1,8 +1,8 @@
-//! Wall and processor time by stage, and where it ran.
+//! Wall and processor time by stage, where it ran, and what crossed to a device and back.
 
 use std::time::Instant;
 
-use crate::engine::{Engine, Gpu};
+use crate::engine::{Engine, Gpu, Traffic};
 
 /// Time that one stage took.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -14,8 +14,22 @@ pub struct StageTime {
     /// Processor seconds of the whole process meanwhile, in steps of 10 ms; `None` where the system
     /// does not tell.
     pub cpu_seconds: Option<f64>,
-    /// Whether kernels ran on a device meanwhile; else all of it was done on the CPU.
-    pub on_device: bool,
+    /// What crossed to the device and back meanwhile.
+    pub traffic: Traffic,
+}
+
+impl StageTime {
+    /// Whether kernels ran on a device in this stage; else all of it was done on the CPU.
+    pub fn on_device(&self) -> bool {
+        self.traffic.dispatches > 0
+    }
+
+    /// Adds what the same stage took another time.
+    pub fn add(&mut self, more: &Self) {
+        self.seconds += more.seconds;
+        self.cpu_seconds = self.cpu_seconds.zip(more.cpu_seconds).map(|(a, b)| a + b);
+        self.traffic += more.traffic;
+    }
 }
 
 /// Attributes the time since the last call to stages.
@@ -23,9 +37,9 @@ pub struct StageTime {
 pub struct Stopwatch {
     wall: Instant,
     cpu: Option<f64>,
-    /// The engine whose device is watched, and the dispatches it had recorded at the last call.
+    /// The engine whose device is watched, and its counters at the last call.
     engine: Option<Engine>,
-    dispatched: u64,
+    traffic: Traffic,
     stages: Vec<StageTime>,
 }
 
@@ -38,13 +52,19 @@ impl Default for Stopwatch {
 impl Stopwatch {
     /// Starts the clock, for work on the CPU.
     pub fn new() -> Self {
-        Self { wall: Instant::now(), cpu: process_seconds(), engine: None, dispatched: 0, stages: Vec::new() }
+        Self {
+            wall: Instant::now(),
+            cpu: process_seconds(),
+            engine: None,
+            traffic: Traffic::default(),
+            stages: Vec::new(),
+        }
     }
 
-    /// Starts the clock and watches whether the device of `engine` runs kernels.
+    /// Starts the clock and watches the device of `engine`.
     pub fn on(engine: &Engine) -> Self {
-        let dispatched = engine.gpu().map_or(0, Gpu::dispatched);
-        Self { engine: Some(engine.clone()), dispatched, ..Self::new() }
+        let traffic = engine.gpu().map(Gpu::traffic).unwrap_or_default();
+        Self { engine: Some(engine.clone()), traffic, ..Self::new() }
     }
 
     /// The stages so far, in order of their first lap.
@@ -55,18 +75,17 @@ impl Stopwatch {
     /// Adds the time since the last call to `name`.
     pub fn lap(&mut self, name: &'static str) {
         let (wall, cpu) = (Instant::now(), process_seconds());
-        let seconds = wall.duration_since(self.wall).as_secs_f64();
-        let cpu_seconds = cpu.zip(self.cpu).map(|(now, then)| now - then);
-        let dispatched = self.engine.as_ref().and_then(Engine::gpu).map_or(0, Gpu::dispatched);
-        let on_device = dispatched != self.dispatched;
-        (self.wall, self.cpu, self.dispatched) = (wall, cpu, dispatched);
+        let traffic = self.engine.as_ref().and_then(Engine::gpu).map(Gpu::traffic).unwrap_or_default();
+        let stage = StageTime {
+            name,
+            seconds: wall.duration_since(self.wall).as_secs_f64(),
+            cpu_seconds: cpu.zip(self.cpu).map(|(now, then)| now - then),
+            traffic: traffic - self.traffic,
+        };
+        (self.wall, self.cpu, self.traffic) = (wall, cpu, traffic);
         match self.stages.iter_mut().find(|s| s.name == name) {
-            Some(stage) => {
-                stage.seconds += seconds;
-                stage.cpu_seconds = stage.cpu_seconds.zip(cpu_seconds).map(|(a, b)| a + b);
-                stage.on_device |= on_device;
-            }
-            None => self.stages.push(StageTime { name, seconds, cpu_seconds, on_device }),
+            Some(before) => before.add(&stage),
+            None => self.stages.push(stage),
         }
     }
 }

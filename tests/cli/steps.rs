@@ -180,6 +180,14 @@ fn every_stage_says_where_it_ran() {
         let report = f.json("r.json");
         let keys = |k: &str| report[k].as_object().unwrap().keys().cloned().collect::<Vec<_>>();
         assert_eq!(keys("seconds"), keys("stages_on"), "{command}");
+        // Traffic is counted where there is a device, and kernels ran exactly where it shows some.
+        if report.get("traffic").is_some() {
+            assert_eq!(keys("seconds"), keys("traffic"), "{command}");
+        }
+        for (stage, place) in report["stages_on"].as_object().unwrap() {
+            let dispatches = report["traffic"][stage]["dispatches"].as_u64().unwrap_or(0);
+            assert_eq!(place == "gpu", dispatches > 0, "{command}, {stage}");
+        }
         report
     };
     let all =
@@ -206,6 +214,8 @@ fn every_stage_says_where_it_ran() {
         assert_eq!(r["stages_on"]["embed"], "cpu");
         assert_eq!(r["stages_on"]["map"], r["backend"]["kind"]);
         assert_eq!(r["handed_back"].is_u64(), r["backend"]["kind"] == "gpu", "{r}");
+        let down = r["traffic"]["map"]["bytes_down"].as_u64().unwrap_or(0);
+        assert_eq!(down > 0, r["backend"]["kind"] == "gpu", "{r}");
     }
     let r = report("transfer --source s.obj --texture s.png --target t.obj --anchors a.json --size 64 -o o.png");
     assert_eq!(r["stages_on"]["transfer.map"], r["backend"]["kind"]);

@@ -3,7 +3,8 @@
 use std::process::Command;
 
 use barymap::Error;
-use barymap::engine::{Backend, DeviceLimits, Engine, EngineOptions};
+use barymap::engine::reduce::RUN;
+use barymap::engine::{Backend, DeviceLimits, Engine, EngineOptions, Traffic};
 
 use crate::{devices, downlevel, engine};
 
@@ -68,6 +69,33 @@ fn a_borrowed_device_runs_kernels() {
     let gpu = borrowed.gpu().unwrap();
     let values = gpu.upload("values", &[1.0f32, 2.0, 3.5]).unwrap();
     assert_eq!(gpu.sum(&values, 3).unwrap(), 6.5);
+}
+
+#[test]
+fn traffic_is_counted() {
+    if engine().is_none() {
+        return;
+    }
+    let own = Engine::new(EngineOptions { backend: Backend::Gpu, ..Default::default() }).unwrap();
+    let gpu = own.gpu().unwrap();
+    let before = gpu.traffic();
+    let values = gpu.upload("values", &[0.5f32; 1000]).unwrap();
+    let up = gpu.traffic() - before;
+    assert_eq!(up, Traffic { bytes_up: 4000, allocations: 1, ..Traffic::default() });
+    gpu.table("table", &[[1u32; 4]; 3]).unwrap();
+    let table = gpu.traffic() - before - up;
+    // Rows of 2,048 texels of 16 bytes.
+    assert_eq!(table, Traffic { bytes_up_once: 2048 * 16, allocations: 1, ..Traffic::default() });
+    let before = gpu.traffic();
+    gpu.read(&values, 10..110).unwrap();
+    let read = gpu.traffic() - before;
+    assert_eq!(read, Traffic { bytes_down: 400, submissions: 1, waits: 1, allocations: 1, ..Traffic::default() });
+    let before = gpu.traffic();
+    assert_eq!(gpu.sum(&values, 1000).unwrap(), 500.0);
+    let sum = gpu.traffic() - before;
+    assert_eq!((sum.dispatches, sum.submissions, sum.waits), (1, 2, 1));
+    // One span up, one number for each run of the reduction down.
+    assert_eq!((sum.bytes_up, sum.bytes_down), (16, 4 * 1000u64.div_ceil(RUN as u64)));
 }
 
 #[test]

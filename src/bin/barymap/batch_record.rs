@@ -34,7 +34,7 @@ impl Record {
     /// The record of the files in `folder`.
     pub(crate) fn new(name: &str, key: String, mut report: Value, folder: &Path) -> Result<Self> {
         if let Some(report) = report.as_object_mut() {
-            for varies in ["seconds", "cpu_seconds", "nanoseconds_per_texel", "files"] {
+            for varies in ["seconds", "cpu_seconds", "traffic", "nanoseconds_per_texel", "files"] {
                 report.remove(varies);
             }
             let kind = report["backend"]["kind"].clone();

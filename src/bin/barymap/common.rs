@@ -293,7 +293,7 @@ impl<'a> Session<'a> {
     /// The word of reports for where a stage ran.
     pub(crate) fn ran_on(&self, stage: &StageTime) -> &'static str {
         match self.engine.backend() {
-            _ if stage.on_device => "gpu",
+            _ if stage.on_device() => "gpu",
             Backend::Reference => "reference",
             _ => "cpu",
         }
@@ -302,25 +302,18 @@ impl<'a> Session<'a> {
     /// The beginning of every report. The back end is the one that did the work: the CPU where no
     /// kernel ran.
     pub(crate) fn report(&self, command: &str) -> Value {
-        let on_device = self.watch.stages().iter().any(|s| s.on_device);
+        let on_device = self.watch.stages().iter().any(StageTime::on_device);
         let cpu = (self.engine.gpu().is_some() && !on_device).then(Engine::cpu);
         let d = cpu.as_ref().unwrap_or(&self.engine).description();
-        let stages = |f: &dyn Fn(&StageTime) -> Option<f64>| -> Value {
-            self.watch
-                .stages()
-                .iter()
-                .filter_map(|s| f(s).map(|x| (s.name.to_string(), json!(x))))
-                .collect::<serde_json::Map<_, _>>()
-                .into()
-        };
         let mut report = json!({
             "command": command,
             "version": env!("CARGO_PKG_VERSION"),
             "backend": {"kind": d.backend, "name": d.name, "driver": d.driver},
-            "seconds": stages(&|s| Some(s.seconds)),
-            "cpu_seconds": stages(&|s| s.cpu_seconds),
-            "stages_on": self.watch.stages().iter().map(|s| (s.name.to_string(), json!(self.ran_on(s)))).collect::<serde_json::Map<_, _>>(),
+            "seconds": {},
+            "cpu_seconds": {},
+            "stages_on": {},
         });
+        self.report_stages(&mut report, "", self.watch.stages());
         if let Some(points) = self.handed_back {
             report["handed_back"] = json!(points);
         }
@@ -331,6 +324,31 @@ impl<'a> Session<'a> {
             report["alignment"] = alignment.clone();
         }
         report
+    }
+
+    /// Adds stages to a report: time, place and, with a device, traffic. `within` is the stage that
+    /// they are parts of, with a dot, or empty.
+    pub(crate) fn report_stages(&self, report: &mut Value, within: &str, stages: &[StageTime]) {
+        for stage in stages {
+            let key = format!("{within}{}", stage.name);
+            report["seconds"][&key] = json!(stage.seconds);
+            if let Some(seconds) = stage.cpu_seconds {
+                report["cpu_seconds"][&key] = json!(seconds);
+            }
+            report["stages_on"][&key] = json!(self.ran_on(stage));
+            if self.engine.gpu().is_some() {
+                let t = stage.traffic;
+                report["traffic"][&key] = json!({
+                    "bytes_up": t.bytes_up,
+                    "bytes_up_once": t.bytes_up_once,
+                    "bytes_down": t.bytes_down,
+                    "dispatches": t.dispatches,
+                    "submissions": t.submissions,
+                    "waits": t.waits,
+                    "allocations": t.allocations,
+                });
+            }
+        }
     }
 
     /// Writes the report where one is asked for.

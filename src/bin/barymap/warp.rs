@@ -143,11 +143,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     }
     let mut report = session.report("warp");
     made.describe(&mut report);
-    for stage in &last.stats.stages {
-        report["seconds"][format!("warp.{}", stage.name)] = json!(stage.seconds);
-        report["cpu_seconds"][format!("warp.{}", stage.name)] = json!(stage.cpu_seconds);
-        report["stages_on"][format!("warp.{}", stage.name)] = json!(session.ran_on(stage));
-    }
+    session.report_stages(&mut report, "warp.", &last.stats.stages);
     let s = &last.stats;
     report["filter"] = json!(options.filter.word());
     report["outside"] = json!(options.outside.word());

@@ -152,11 +152,7 @@ impl TransferStats {
         }
         for stage in &other.stages {
             match self.stages.iter_mut().find(|s| s.name == stage.name) {
-                Some(known) => {
-                    known.seconds += stage.seconds;
-                    known.cpu_seconds = known.cpu_seconds.zip(stage.cpu_seconds).map(|(a, b)| a + b);
-                    known.on_device |= stage.on_device;
-                }
+                Some(known) => known.add(stage),
                 None => self.stages.push(stage.clone()),
             }
         }

@@ -374,11 +374,7 @@ impl Job<'_> {
         let d = vertices.distortion;
         session.handed_back = map.handed_back();
         let mut report = session.report(command);
-        for t in &s.stages {
-            report["seconds"][format!("transfer.{}", t.name)] = json!(t.seconds);
-            report["cpu_seconds"][format!("transfer.{}", t.name)] = json!(t.cpu_seconds);
-            report["stages_on"][format!("transfer.{}", t.name)] = json!(session.ran_on(t));
-        }
+        session.report_stages(&mut report, "transfer.", &s.stages);
         let extra = json!({
             "method": method.name(),
             "anchors": self.anchors.len(),

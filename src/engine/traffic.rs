@@ -1,0 +1,110 @@
+//! What crosses between the host and a device, counted.
+//!
+//! Counts need no clock and no hardware device: they are the same on every machine, and they say
+//! what a device that is faster than a software driver would wait for.
+
+use std::ops::{AddAssign, Sub};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// What was done on a device between two moments.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Traffic {
+    /// Bytes written from the host into buffers.
+    pub bytes_up: u64,
+    /// Bytes written from the host into tables and pictures, which are made once and then read.
+    pub bytes_up_once: u64,
+    /// Bytes read back to the host.
+    pub bytes_down: u64,
+    /// Dispatches of kernels.
+    pub dispatches: u64,
+    /// Submissions of recorded commands.
+    pub submissions: u64,
+    /// Times the host waited for a submission.
+    pub waits: u64,
+    /// Buffers and textures made.
+    pub allocations: u64,
+}
+
+impl Sub for Traffic {
+    type Output = Self;
+
+    /// What came after `earlier`, for two readings of one device's counters.
+    fn sub(self, earlier: Self) -> Self {
+        Self {
+            bytes_up: self.bytes_up - earlier.bytes_up,
+            bytes_up_once: self.bytes_up_once - earlier.bytes_up_once,
+            bytes_down: self.bytes_down - earlier.bytes_down,
+            dispatches: self.dispatches - earlier.dispatches,
+            submissions: self.submissions - earlier.submissions,
+            waits: self.waits - earlier.waits,
+            allocations: self.allocations - earlier.allocations,
+        }
+    }
+}
+
+impl AddAssign for Traffic {
+    fn add_assign(&mut self, more: Self) {
+        self.bytes_up += more.bytes_up;
+        self.bytes_up_once += more.bytes_up_once;
+        self.bytes_down += more.bytes_down;
+        self.dispatches += more.dispatches;
+        self.submissions += more.submissions;
+        self.waits += more.waits;
+        self.allocations += more.allocations;
+    }
+}
+
+/// The counters of a device, which only grow.
+#[derive(Debug, Default)]
+pub(super) struct Counters {
+    bytes_up: AtomicU64,
+    bytes_up_once: AtomicU64,
+    bytes_down: AtomicU64,
+    dispatches: AtomicU64,
+    submissions: AtomicU64,
+    waits: AtomicU64,
+    allocations: AtomicU64,
+}
+
+impl Counters {
+    pub(super) fn up(&self, bytes: u64) {
+        self.bytes_up.fetch_add(bytes, Ordering::Relaxed);
+    }
+
+    pub(super) fn up_once(&self, bytes: u64) {
+        self.bytes_up_once.fetch_add(bytes, Ordering::Relaxed);
+    }
+
+    pub(super) fn down(&self, bytes: u64) {
+        self.bytes_down.fetch_add(bytes, Ordering::Relaxed);
+    }
+
+    pub(super) fn dispatch(&self) {
+        self.dispatches.fetch_add(1, Ordering::Relaxed);
+    }
+
+    pub(super) fn submission(&self) {
+        self.submissions.fetch_add(1, Ordering::Relaxed);
+    }
+
+    pub(super) fn wait(&self) {
+        self.waits.fetch_add(1, Ordering::Relaxed);
+    }
+
+    pub(super) fn allocation(&self) {
+        self.allocations.fetch_add(1, Ordering::Relaxed);
+    }
+
+    pub(super) fn read(&self) -> Traffic {
+        let count = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
+        Traffic {
+            bytes_up: count(&self.bytes_up),
+            bytes_up_once: count(&self.bytes_up_once),
+            bytes_down: count(&self.bytes_down),
+            dispatches: count(&self.dispatches),
+            submissions: count(&self.submissions),
+            waits: count(&self.waits),
+            allocations: count(&self.allocations),
+        }
+    }
+}
