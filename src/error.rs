@@ -60,12 +60,12 @@ pub enum Error {
         remedy: String,
     },
     /// No graphics adapter could be used.
-    #[error(
-        "no usable graphics adapter: {what}. Install a Vulkan driver (Debian and Ubuntu: apt-get install mesa-vulkan-drivers libvulkan1) or use --backend cpu"
-    )]
+    #[error("no usable graphics adapter: {what}. {remedy}")]
     NoAdapter {
         /// What was looked for and found.
         what: String,
+        /// What to do.
+        remedy: String,
     },
     /// The adapter lacks something a kernel needs.
     #[error("the adapter offers {actual} of {limit}, {required} are needed. Use --backend cpu or another adapter")]

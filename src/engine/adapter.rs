@@ -48,7 +48,7 @@ impl AdapterSummary {
             driver: driver(info),
             interface: info.backend.to_string(),
             kind: kind(info.device_type),
-            software: info.device_type == wgpu::DeviceType::Cpu,
+            software: is_software(info),
             max_storage_binding: limits.max_storage_buffer_binding_size,
             max_buffer: limits.max_buffer_size,
             preferred,
@@ -110,25 +110,92 @@ fn candidates() -> Vec<wgpu::Adapter> {
 
 /// The adapters of this machine, best first. Empty where no driver is installed.
 pub(super) fn list() -> Vec<AdapterSummary> {
-    candidates().iter().enumerate().map(|(i, a)| AdapterSummary::of(&a.get_info(), &a.limits(), i == 0)).collect()
+    let taken = |i: usize, info: &wgpu::AdapterInfo| i == 0 && !is_software(info);
+    candidates()
+        .iter()
+        .map(|a| (a, a.get_info()))
+        .enumerate()
+        .map(|(i, (a, info))| AdapterSummary::of(&info, &a.limits(), taken(i, &info)))
+        .collect()
 }
 
-/// The best adapter, or the best whose name contains `wanted` (case aside).
+/// Whether kernels run on the processor behind the interface.
+pub(super) fn is_software(info: &wgpu::AdapterInfo) -> bool {
+    info.device_type == wgpu::DeviceType::Cpu
+}
+
+/// Which adapters are looked at.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Wanted<'a> {
+    /// The best.
+    Any,
+    /// The best that is no software: a software adapter runs the kernels on the same processor,
+    /// slower than the processor's own code.
+    Hardware,
+    /// The best whose name contains this, upper and lower case alike.
+    Named(&'a str),
+}
+
+/// The best adapter of those wanted.
 ///
 /// # Errors
 /// [`Error::NoAdapter`] naming what was looked for and what there is.
-pub(super) fn choose(wanted: Option<&str>) -> Result<wgpu::Adapter> {
-    let found = candidates();
-    if found.is_empty() {
-        return Err(Error::NoAdapter { what: "no driver offers one".into() });
-    }
-    let Some(wanted) = wanted else {
-        return found.into_iter().next().ok_or_else(|| Error::NoAdapter { what: "no driver offers one".into() });
+pub(super) fn choose(wanted: Wanted<'_>) -> Result<wgpu::Adapter> {
+    pick(candidates(), wanted, |a| a.get_info())
+}
+
+/// The first of `found`, best first, that is wanted.
+fn pick<A>(found: Vec<A>, wanted: Wanted<'_>, info: impl Fn(&A) -> wgpu::AdapterInfo) -> Result<A> {
+    let names: Vec<String> = found.iter().map(|a| format!("'{}'", info(a).name)).collect();
+    let fits = |info: &wgpu::AdapterInfo| match wanted {
+        Wanted::Any => true,
+        Wanted::Hardware => !is_software(info),
+        Wanted::Named(name) => info.name.to_lowercase().contains(&name.to_lowercase()),
     };
-    let names: Vec<String> = found.iter().map(|a| format!("'{}'", a.get_info().name)).collect();
-    let key = wanted.to_lowercase();
-    found
-        .into_iter()
-        .find(|a| a.get_info().name.to_lowercase().contains(&key))
-        .ok_or_else(|| Error::NoAdapter { what: format!("no name contains '{wanted}'; there is {}", names.join(", ")) })
+    let (what, remedy) = match wanted {
+        _ if found.is_empty() => (
+            "no driver offers one".to_owned(),
+            "Install a Vulkan driver (Debian and Ubuntu: apt-get install mesa-vulkan-drivers libvulkan1) or use \
+             --backend cpu"
+                .to_owned(),
+        ),
+        Wanted::Named(name) => (
+            format!("no name contains '{name}'"),
+            format!("Give a part of {}, or use --backend cpu", names.join(" or ")),
+        ),
+        Wanted::Any | Wanted::Hardware => (
+            format!("there is only software: {}", names.join(", ")),
+            "--backend gpu takes it; the processor itself is faster".to_owned(),
+        ),
+    };
+    found.into_iter().find(|a| fits(&info(a))).ok_or(Error::NoAdapter { what, remedy })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn info(name: &str, device_type: wgpu::DeviceType) -> wgpu::AdapterInfo {
+        let mut info = wgpu::AdapterInfo::new(device_type, wgpu::Backend::Vulkan);
+        info.name = name.into();
+        info
+    }
+
+    #[test]
+    fn software_is_taken_where_it_is_asked_for_alone() {
+        let soft = || info("llvmpipe", wgpu::DeviceType::Cpu);
+        let hard = || info("Fast GPU", wgpu::DeviceType::DiscreteGpu);
+        let name = |found: Vec<wgpu::AdapterInfo>, wanted| pick(found, wanted, Clone::clone).map(|i| i.name);
+        assert_eq!(name(vec![hard(), soft()], Wanted::Any).unwrap(), "Fast GPU");
+        assert_eq!(name(vec![hard(), soft()], Wanted::Hardware).unwrap(), "Fast GPU");
+        assert_eq!(name(vec![soft()], Wanted::Any).unwrap(), "llvmpipe");
+        assert_eq!(name(vec![hard(), soft()], Wanted::Named("LLVM")).unwrap(), "llvmpipe");
+        let says = |found, wanted| name(found, wanted).unwrap_err().to_string();
+        let only_software = says(vec![soft()], Wanted::Hardware);
+        assert!(only_software.contains("llvmpipe") && only_software.contains("--backend gpu"), "{only_software}");
+        let unknown = says(vec![hard(), soft()], Wanted::Named("radeon"));
+        assert!(unknown.contains("radeon") && unknown.contains("'Fast GPU' or 'llvmpipe'"), "{unknown}");
+        assert!(!unknown.contains("Install"), "{unknown}");
+        assert!(says(vec![], Wanted::Named("radeon")).contains("Install a Vulkan driver"));
+    }
 }

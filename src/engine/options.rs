@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 /// Where the work is done.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Backend {
-    /// The best adapter; the CPU, with a note, where there is none.
+    /// The best hardware adapter; the CPU, with a note, where there is none.
     #[default]
     Auto,
     /// An adapter (a software one counts); an error where there is none.

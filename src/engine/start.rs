@@ -3,7 +3,7 @@
 use std::fmt;
 use std::sync::Arc;
 
-use super::adapter::{self, AdapterSummary};
+use super::adapter::{self, AdapterSummary, Wanted};
 use super::canary;
 use super::capability::Capabilities;
 use super::gpu::Gpu;
@@ -40,9 +40,9 @@ impl fmt::Display for Description {
 impl Engine {
     /// An engine as the options ask for.
     ///
-    /// `Auto` takes the best adapter, hardware before software; where there is none, or it cannot
-    /// be started, the CPU does the work and [`Engine::note`] says so. An adapter asked for by name
-    /// must exist.
+    /// `Auto` takes the best hardware adapter; where there is none, or it cannot be started, the CPU
+    /// does the work and [`Engine::note`] says so. A software adapter is taken by `Gpu` or by its
+    /// name. An adapter asked for by name must exist.
     ///
     /// # Errors
     /// [`Error::NoAdapter`] if a named adapter, or for `Gpu` any adapter, is missing;
@@ -58,8 +58,8 @@ impl Engine {
     pub fn new(options: EngineOptions) -> Result<Self> {
         match options.backend {
             Backend::Cpu | Backend::Reference => Ok(Self::on_cpu(options.backend)),
-            Backend::Gpu => Self::on_adapter(&options),
-            Backend::Auto => match Self::on_adapter(&options) {
+            Backend::Gpu => Self::on_adapter(&options, Wanted::Any),
+            Backend::Auto => match Self::on_adapter(&options, Wanted::Hardware) {
                 Ok(engine) => Ok(engine),
                 Err(e) if options.adapter.is_some() => Err(e),
                 Err(e) => Ok(Self { note: Some(format!("working on the CPU: {e}")), ..Self::on_cpu(Backend::Cpu) }),
@@ -127,9 +127,10 @@ impl Engine {
         Self { backend, gpu: None, description, note: None, cpu_stages: Vec::new() }
     }
 
-    fn on_adapter(options: &EngineOptions) -> Result<Self> {
+    /// On the adapter that is named, or else the best of those wanted.
+    fn on_adapter(options: &EngineOptions, wanted: Wanted<'_>) -> Result<Self> {
         let named = options.adapter.clone().or_else(|| std::env::var("WGPU_ADAPTER_NAME").ok());
-        let adapter = adapter::choose(named.as_deref())?;
+        let adapter = adapter::choose(named.as_deref().map_or(wanted, Wanted::Named))?;
         let info = adapter.get_info();
         let required_limits = match options.limits {
             DeviceLimits::Adapter => adapter.limits(),
@@ -154,8 +155,7 @@ impl Engine {
         options: &EngineOptions,
         owned: bool,
     ) -> Result<Self> {
-        let software = info.device_type == wgpu::DeviceType::Cpu;
-        let capabilities = Capabilities::from_limits(&device.limits(), software);
+        let capabilities = Capabilities::from_limits(&device.limits(), adapter::is_software(info));
         let mut gpu = Gpu::new(device, queue, capabilities, options.memory, options.timeout);
         if owned {
             gpu.watch();

@@ -1,6 +1,7 @@
 //! The steps of the main job by themselves: `map`, `weights`, `average`, `check`, `embed`,
 //! `render`, `devices`.
 
+use barymap::engine::Engine;
 use barymap::io::read_mesh;
 
 use crate::support::{Folder, STRETCH};
@@ -166,6 +167,23 @@ fn devices_tells_what_auto_takes() {
     assert!(ran.stdout.contains("in use: "), "{}", ran.stdout);
     let report = f.json("r.json");
     assert!(report["adapters"].is_array() && report["backend"]["name"].is_string(), "{report}");
+}
+
+#[test]
+fn auto_takes_hardware_alone_and_an_unknown_adapter_is_answered_with_those_there_are() {
+    let f = Folder::spheres();
+    let run = |arguments: &str| {
+        let mut command = f.command();
+        command.args(arguments.split_whitespace()).env_remove("WGPU_ADAPTER_NAME").env_remove("XDG_RUNTIME_DIR");
+        f.finish(&mut command)
+    };
+    let ran = run("embed s.obj -o e.npy --landmarks 30 --no-cache").succeeds();
+    let Some(best) = Engine::adapters().into_iter().next() else { return };
+    assert_eq!(best.preferred, !best.software);
+    assert_eq!(ran.stderr.contains("working on the CPU"), best.software, "{}", ran.stderr);
+    assert!(!ran.stderr.contains("XDG_RUNTIME_DIR"), "{}", ran.stderr);
+    let ran = run("devices --adapter no-such-adapter").fails(1, &["no-such-adapter", &best.name]);
+    assert!(!ran.stderr.contains("Install"), "{}", ran.stderr);
 }
 
 #[test]

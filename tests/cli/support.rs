@@ -5,8 +5,10 @@ use std::f64::consts::TAU;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 
+use barymap::engine::Engine;
 use barymap::geometry::Mesh;
 use barymap::models::shapes::uv_sphere;
 use barymap::raster::{Image, Pixels};
@@ -54,6 +56,20 @@ impl Ran {
         let message = self.stderr[start..].trim_end();
         assert!(!message.contains("\n\n") && message.len() < 2000, "not one paragraph: {message}");
         message
+    }
+}
+
+/// The surroundings of the program: its folder and cache, no input, and the best adapter by name,
+/// so that `--backend auto` takes it though it may be software.
+fn prepared(command: &mut Command, folder: &Path) {
+    static ADAPTER: LazyLock<Option<String>> =
+        LazyLock::new(|| Engine::adapters().into_iter().next().map(|adapter| adapter.name));
+    command
+        .current_dir(folder)
+        .env("BARYMAP_CACHE", Path::new(env!("CARGO_TARGET_TMPDIR")).join("cache"))
+        .stdin(Stdio::null());
+    if let Some(name) = ADAPTER.as_ref() {
+        command.env("WGPU_ADAPTER_NAME", name);
     }
 }
 
@@ -142,10 +158,7 @@ impl Folder {
     /// The program in this folder, with the cache that all tests share.
     pub(crate) fn command(&self) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_barymap"));
-        command
-            .current_dir(self.0.path())
-            .env("BARYMAP_CACHE", Path::new(env!("CARGO_TARGET_TMPDIR")).join("cache"))
-            .stdin(Stdio::null());
+        prepared(&mut command, self.0.path());
         command
     }
 
@@ -156,12 +169,8 @@ impl Folder {
         let others = std::env::var_os("PATH").unwrap_or_default();
         let folders = std::iter::once(program.to_owned()).chain(std::env::split_paths(&others));
         let mut command = Command::new("sh");
-        command
-            .args(["-e", "-c", commands])
-            .current_dir(self.0.path())
-            .env("PATH", std::env::join_paths(folders).unwrap())
-            .env("BARYMAP_CACHE", Path::new(env!("CARGO_TARGET_TMPDIR")).join("cache"))
-            .stdin(Stdio::null());
+        command.args(["-e", "-c", commands]).env("PATH", std::env::join_paths(folders).unwrap());
+        prepared(&mut command, self.0.path());
         self.finish(&mut command)
     }
 

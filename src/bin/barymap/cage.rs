@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use barymap::Result;
-use barymap::engine::Engine;
 use barymap::geometry::Mesh;
 use barymap::geometry::weld::weld_alike;
 use barymap::mapping::space::{Cage, PartitionKind, PartitionOptions, RESOLUTION};
@@ -12,7 +11,7 @@ use barymap::{Error, io};
 use clap::ValueEnum;
 use serde_json::{Value, json};
 
-use crate::common::{BackendName, Common, Session, check_outputs};
+use crate::common::{Common, Session, check_outputs};
 use crate::model_file::{ModelFormat, write_posed};
 
 #[derive(Debug, clap::Args)]
@@ -76,12 +75,6 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     check_outputs([arguments.output.as_path()])?;
     let format = ModelFormat::of(&arguments.output, &[ModelFormat::Obj, ModelFormat::Ply, ModelFormat::Glb])?;
     let mut session = Session::start(common)?;
-    // A software adapter runs the kernels on the same processor, slower than the processor's own
-    // code.
-    let software = session.engine.gpu().is_some_and(|g| g.capabilities().software);
-    if software && matches!(common.backend, BackendName::Auto) {
-        session.engine = Engine::cpu();
-    }
     let io::LoadedMesh { mesh: mut model, scene, .. } = session.load(&arguments.mesh)?;
     let mut cages = [session.read(&arguments.from)?, session.read(&arguments.to)?];
     weld_alike(&mut cages, common.weld)?;

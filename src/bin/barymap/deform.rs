@@ -4,13 +4,12 @@ use std::path::PathBuf;
 
 use barymap::Result;
 use barymap::encoding::{HierarchyOptions, Quality};
-use barymap::engine::Engine;
 use barymap::io::{check_handles, read_handles, read_vertex_list};
 use barymap::tools::deform::{Deformer, Handles};
 use clap::ValueEnum;
 use serde_json::json;
 
-use crate::common::{BackendName, Common, Session, check_outputs, usage};
+use crate::common::{Common, Session, check_outputs, usage};
 use crate::model_file::{ModelFormat, write_posed};
 
 #[derive(Debug, clap::Args)]
@@ -61,12 +60,6 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         return Err(usage("--stiffness", "the value is out of range", "Give a number from 0 to 1000000"));
     }
     let mut session = Session::start(common)?;
-    // A software adapter runs the kernels on the same processor, slower than the processor's own
-    // code.
-    let software = session.engine.gpu().is_some_and(|g| g.capabilities().software);
-    if software && matches!(common.backend, BackendName::Auto) {
-        session.engine = Engine::cpu();
-    }
     let handles = read_handles(&arguments.handles)?;
     let region = arguments.roi.as_ref().map(read_vertex_list).transpose()?;
     let surface = session.mesh(&arguments.mesh)?;

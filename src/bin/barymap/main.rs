@@ -15,6 +15,7 @@ mod demo;
 mod devices;
 mod embed;
 mod layer_kinds;
+mod loader;
 mod map;
 mod method;
 mod model_file;
@@ -127,6 +128,7 @@ fn run(cli: &Cli) -> Result<()> {
 }
 
 fn main() -> ExitCode {
+    loader::hush();
     let handler = ctrlc::set_handler(|| {
         // An interrupt leaves no temporary file behind.
         barymap::io::output::remove_all_temporary();
