@@ -1,8 +1,7 @@
 //! The encoding of rings (section 2.1): weights w and offsets b.
 
-use std::collections::BTreeSet;
-
 use super::decode::{REGULARISATION, ring_value};
+use super::rings::LONGEST;
 use super::vector::{add_scaled, cross, dot, length, scale, sub};
 use super::weights::mean_value_weights;
 use super::{Stencils, V3};
@@ -17,6 +16,8 @@ const LEAST_AREA: f64 = 2e-3;
 const LARGEST_ERROR: f64 = 1e-11;
 /// Vertices around a vertex among which a substitute triangle is looked for.
 const SUBSTITUTES: usize = 24;
+/// No triangle has a better shape, as these are measured: an equilateral one has 0.289.
+const BEST_SHAPE: f64 = 0.29;
 
 /// The coefficients of [`Stencils`], slot by slot.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -83,7 +84,8 @@ fn try_encode(positions: &[V3<f64>], v: u32, ring: &[u32], w: &mut [f64], b: &mu
     }
     let spread = (0..m).map(|k| dot(sub(local(k), mean), sub(local(k), mean))).sum::<f64>() / m as f64;
     let area = length(c);
-    if !(area > LEAST_AREA * spread * m as f64) || !area.is_finite() {
+    // A regular ring has less and less of it the longer it is; it has a normal all the same.
+    if !(area > LEAST_AREA * spread * m.min(LONGEST) as f64) || !area.is_finite() {
         return None;
     }
     let normal = scale(c, 1.0 / area);
@@ -117,13 +119,23 @@ fn try_encode(positions: &[V3<f64>], v: u32, ring: &[u32], w: &mut [f64], b: &mu
 /// Three vertices near `v` in whose triangle it can be encoded, for a vertex whose ring cannot
 /// serve (two neighbours at a corner, a ring on a line or crossing itself): of the vertices within
 /// two, else three rings of `v` those with the best shaped triangle and the smallest weights.
-/// `ring_of` gives the neighbours of a vertex.
-pub(crate) fn substitute<'a>(positions: &[V3<f64>], v: u32, ring_of: &impl Fn(u32) -> &'a [u32]) -> Option<[u32; 3]> {
-    let mut near: BTreeSet<u32> = ring_of(v).iter().copied().collect();
+///
+/// `short` gives the ring of a vertex if that is not long ([`LONGEST`]): whoever has thousands of
+/// neighbours says nothing about which vertices are near, and as many vertices would look through
+/// them all.
+pub(crate) fn substitute<'a>(
+    positions: &[V3<f64>],
+    v: u32,
+    ring: &[u32],
+    short: &impl Fn(u32) -> Option<&'a [u32]>,
+) -> Option<[u32; 3]> {
+    let mut near = ring.to_vec();
     for _ in 0..2 {
-        let wider: Vec<u32> = near.iter().flat_map(|&u| ring_of(u)).copied().collect();
+        let wider: Vec<u32> = near.iter().filter_map(|&u| short(u)).flatten().copied().collect();
         near.extend(wider);
-        near.remove(&v);
+        near.sort_unstable();
+        near.dedup();
+        near.retain(|&u| u != v);
         if let Some(found) = best_triangle(positions, v, &near) {
             return Some(found);
         }
@@ -131,21 +143,29 @@ pub(crate) fn substitute<'a>(positions: &[V3<f64>], v: u32, ring_of: &impl Fn(u3
     None
 }
 
-fn best_triangle(positions: &[V3<f64>], v: u32, near: &BTreeSet<u32>) -> Option<[u32; 3]> {
+fn best_triangle(positions: &[V3<f64>], v: u32, near: &[u32]) -> Option<[u32; 3]> {
     let distance = |u: u32| length(sub(positions[u as usize], positions[v as usize]));
-    let mut candidates: Vec<u32> = near.iter().copied().collect();
-    candidates.sort_by(|&a, &b| distance(a).total_cmp(&distance(b)).then(a.cmp(&b)));
-    candidates.truncate(SUBSTITUTES);
+    let mut candidates: Vec<(f64, u32)> = near.iter().map(|&u| (distance(u), u)).collect();
+    let order = |a: &(f64, u32), b: &(f64, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+    if candidates.len() > SUBSTITUTES {
+        candidates.select_nth_unstable_by(SUBSTITUTES, order);
+        candidates.truncate(SUBSTITUTES);
+    }
+    candidates.sort_unstable_by(order);
     let mut best: Option<(f64, [u32; 3])> = None;
     for i in 2..candidates.len() {
         for j in 1..i {
             for k in 0..j {
                 let triangle = [candidates[k], candidates[j], candidates[i]];
+                let far: f64 = triangle.iter().map(|c| c.0).sum();
+                if best.is_some_and(|b| far > BEST_SHAPE * b.0) {
+                    continue;
+                }
+                let triangle = triangle.map(|c| c.1);
                 let [p, q, r] = triangle.map(|u| positions[u as usize]);
                 let (e, f) = (sub(q, p), sub(r, p));
                 let g = sub(r, q);
                 let shape = length(cross(e, f)) / (dot(e, e) + dot(f, f) + dot(g, g));
-                let far: f64 = triangle.iter().map(|&u| distance(u)).sum();
                 // A right-angled triangle has 0.25.
                 if !(shape > 0.02) || !(best.is_none_or(|b| far / shape < b.0)) {
                     continue;
@@ -189,7 +209,8 @@ impl Encoded {
             }
             w.truncate(base);
             b.truncate(base);
-            match substitute(positions, v, &|u| rings[u as usize].as_slice()) {
+            let short = |u: u32| Some(rings[u as usize].as_slice()).filter(|ring| ring.len() <= LONGEST);
+            match substitute(positions, v, ring, &short) {
                 Some(triangle) => {
                     let (mut tw, mut tb) = ([0.0; 3], [0.0; 3]);
                     encode_ring(positions, v, &triangle, &mut tw, &mut tb);
@@ -268,6 +289,29 @@ mod tests {
             wrong[1][0] += 1e-6;
             assert!(worst(&encoded, &wrong) > 1e-8);
         }
+    }
+
+    #[test]
+    fn around_a_vertex_of_many_all_are_encoded_by_what_is_near() {
+        // A double cone: the rings of its rim have hardly any area, and its tips have it all.
+        let mesh = uv_sphere(1.0, 10_000, 2);
+        let rings = Connectivity::new(&mesh).rings;
+        let positions = flat(&mesh);
+        let encoded = Encoded::new(&rings, &positions, |_| true);
+        assert!(encoded.left_out.is_empty(), "{:?}", encoded.left_out);
+        assert!(encoded.substituted.len() > 9000, "{}", encoded.substituted.len());
+        assert!(worst(&encoded, &positions) < 1e-10, "{}", worst(&encoded, &positions));
+        // Without the tips' rings: each looks at a few vertices.
+        let looks = std::cell::Cell::new(0);
+        for v in (1..2001).step_by(100) {
+            let short = |u: u32| {
+                let ring = Some(rings[u as usize].as_slice()).filter(|ring| ring.len() <= LONGEST);
+                looks.set(looks.get() + ring.map_or(0, <[u32]>::len));
+                ring
+            };
+            assert!(substitute(&positions, v, &rings[v as usize], &short).is_some());
+        }
+        assert!(looks.get() < 20 * 64, "{}", looks.get());
     }
 
     #[test]

@@ -229,10 +229,10 @@ impl<'a> Rounds<'a> {
             for &x in &removed.ring {
                 blocked[x as usize] = true;
             }
-            for &x in self.collapser.rings[v as usize].iter().chain(&self.collapser.rings[to as usize]) {
+            for x in self.collapser.rings.of(v).chain(self.collapser.rings.of(to)) {
                 self.stale[x as usize] = true;
             }
-            for &x in &self.collapser.rings[v as usize] {
+            for x in self.collapser.rings.of(v) {
                 blocked[x as usize] = true;
             }
             self.stale[to as usize] = true;
@@ -247,15 +247,16 @@ impl<'a> Rounds<'a> {
 
     /// The ring of `v` and its coefficients.
     fn encode(&self, v: u32, rules: &Rules) -> Option<Removed> {
-        let ring = &self.collapser.rings[v as usize];
+        // Only vertices of few neighbours are removed.
+        let ring = self.collapser.rings.short(v)?;
         let (mut w, mut b) = (vec![0.0; ring.len()], vec![0.0; ring.len()]);
         if encode_ring(self.positions, v, ring, &mut w, &mut b).is_some_and(|size| size <= rules.largest_weights) {
-            return Some(Removed { vertex: v, ring: ring.clone(), w, b });
+            return Some(Removed { vertex: v, ring: ring.to_vec(), w, b });
         }
         if !rules.substitute {
             return None;
         }
-        let ring = substitute(self.positions, v, &|u| self.collapser.rings[u as usize].as_slice())?.to_vec();
+        let ring = substitute(self.positions, v, ring, &|u| self.collapser.rings.short(u))?.to_vec();
         let (mut w, mut b) = (vec![0.0; 3], vec![0.0; 3]);
         encode_ring(self.positions, v, &ring, &mut w, &mut b)?;
         Some(Removed { vertex: v, ring, w, b })
@@ -264,7 +265,7 @@ impl<'a> Rounds<'a> {
     fn mean_edge(&self) -> f64 {
         let (mut sum, mut count) = (0.0, 0);
         for &v in &self.free {
-            for &u in &self.collapser.rings[v as usize] {
+            for u in self.collapser.rings.of(v) {
                 sum += length(sub(self.positions[u as usize], self.positions[v as usize]));
                 count += 1;
             }
@@ -277,7 +278,7 @@ impl<'a> Rounds<'a> {
             (0..active.len() as u32).filter(|&v| active[v as usize] && self.alive[v as usize]).collect();
         let (mut start, mut flat) = (vec![0], Vec::new());
         for &v in &alive {
-            flat.extend_from_slice(&self.collapser.rings[v as usize]);
+            flat.extend(self.collapser.rings.of(v));
             start.push(flat.len() as u32);
         }
         Snapshot { alive, start, flat, removed: self.removed.len() }

@@ -39,6 +39,7 @@ pub mod gpu;
 pub mod gradients;
 pub mod hierarchy;
 pub mod measures;
+mod rings;
 pub mod sequence;
 pub mod similarity;
 mod solver;

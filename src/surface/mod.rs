@@ -10,6 +10,7 @@ pub mod forward;
 pub mod gauge;
 pub mod gpu;
 mod identity;
+mod long_fans;
 mod nearest_vertex;
 mod packed;
 pub mod phong_surface;

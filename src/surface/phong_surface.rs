@@ -1,10 +1,13 @@
 //! An embedded mesh with tangent planes, ready for projections.
 
+use std::sync::Arc;
+
 use crate::engine::Real;
 use crate::error::{Error, Result};
 use crate::geometry::{SurfacePoint, Topology};
 
 use super::gauge::gauge;
+use super::long_fans::LongFans;
 use super::psi::{Orthogonal2, TangentTriangle};
 use super::search::TriangleBound;
 use super::tangents::vertex_tangents;
@@ -50,6 +53,8 @@ pub struct PhongSurface<S, const D: usize> {
     ring: Vec<u32>,
     fan_start: Vec<u32>,
     fan: Vec<u32>,
+    /// Fans too long to look through for each projection.
+    pub(super) long: Arc<LongFans<D>>,
     /// What was subtracted from embedded points.
     pub centre: Vector<f64, D>,
     /// Mean embedded edge length, by which points were divided.
@@ -150,6 +155,9 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
             fan.extend_from_slice(around);
             fan_start.push(fan.len() as u32);
         }
+        let fan_of = |v: u32| &fan[fan_start[v as usize] as usize..fan_start[v as usize + 1] as usize];
+        let corners = |t: u32| topology.triangles[t as usize];
+        let long = Arc::new(LongFans::new(n, fan_of, corners, |v| (scaled[v as usize], [0.0; 4])));
         Ok(Self {
             vertices,
             triangles,
@@ -159,6 +167,7 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
             ring,
             fan_start,
             fan,
+            long,
             centre,
             edge,
         })
@@ -218,6 +227,7 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
             ring: self.ring.clone(),
             fan_start: self.fan_start.clone(),
             fan: self.fan.clone(),
+            long: self.long.clone(),
             centre: self.centre,
             edge: self.edge,
         }

@@ -4,6 +4,7 @@
 use crate::engine::Real;
 use crate::geometry::NONE;
 
+use super::long_fans::Reach;
 use super::phong_surface::PhongSurface;
 use super::psi::Root;
 use super::vector::{Vector, distance_squared};
@@ -83,10 +84,24 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
         let mut d = distance_squared(&self.vertices[v as usize].y, mean);
         for _ in 0..steps {
             let mut next = v;
-            for &w in self.ring(v) {
-                let e = distance_squared(&self.vertices[w as usize].y, mean);
-                if e < d {
-                    (d, next) = (e, w);
+            let ring = self.ring(v);
+            if let Some(fan) = self.long.of(v, ring.len()) {
+                let to = (mean.map(|x| x.to_f64()), [0.0; 4]);
+                fan.search(&to, Reach::Vertices, d.to_f64(), |t| {
+                    for w in self.triangles[t as usize].v.into_iter().filter(|&w| w != v) {
+                        let e = distance_squared(&self.vertices[w as usize].y, mean);
+                        if e < d || (e == d && next != v && w < next) {
+                            (d, next) = (e, w);
+                        }
+                    }
+                    d.to_f64()
+                });
+            } else {
+                for &w in ring {
+                    let e = distance_squared(&self.vertices[w as usize].y, mean);
+                    if e < d {
+                        (d, next) = (e, w);
+                    }
                 }
             }
             if next == v {
@@ -101,16 +116,27 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
     /// distances), the lowest on ties.
     fn facing_triangle(&self, mean: &Vector<S, D>, v: u32) -> u32 {
         let mut best = (S::HUGE, NONE);
-        for &t in self.fan(v) {
+        let mut look = |t: u32| {
             let mut sum = S::ZERO;
             for w in self.triangles[t as usize].v {
                 if w != v {
                     sum += distance_squared(&self.vertices[w as usize].y, mean);
                 }
             }
-            if sum < best.0 {
+            if sum < best.0 || (sum == best.0 && t < best.1) {
                 best = (sum, t);
             }
+            best.0.to_f64()
+        };
+        let fan = self.fan(v);
+        if let Some(long) = self.long.of(v, fan.len()) {
+            let to = (mean.map(|x| x.to_f64()), [0.0; 4]);
+            // Both vertices are in the box.
+            long.search(&to, Reach::Vertices, f64::INFINITY, |t| 0.5 * look(t));
+        } else {
+            fan.iter().for_each(|&t| {
+                look(t);
+            });
         }
         best.1
     }
@@ -174,7 +200,7 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
         if let Some(p) = walked.filter(|p| p.distance_squared <= d) {
             return p;
         }
-        let searched = self.search(mean, v, limits.triangles);
+        let searched = self.search(mean, v, t, limits.triangles);
         match (walked, searched) {
             (Some(a), Some(b)) => {
                 if b.distance_squared < a.distance_squared {

@@ -4,7 +4,9 @@
 use std::cell::RefCell;
 
 use crate::engine::Real;
+use crate::geometry::NONE;
 
+use super::long_fans::LONGEST;
 use super::phong_surface::PhongSurface;
 use super::project::{Found, Projection, SEARCH_PATIENCE};
 use super::psi::{CORNER_OF_BASIS, Root, TangentTriangle};
@@ -107,14 +109,16 @@ impl Marks {
 impl<S: Real, const D: usize> PhongSurface<S, D> {
     /// Breadth-first search over triangles that share a vertex, level by level from the fan of `v`:
     /// the nearest root of the first level that has one (lowest triangle on ties). At most `cap`
-    /// triangles are looked at, a level is always finished.
-    pub(super) fn search(&self, mean: &Vector<S, D>, v: u32, cap: u32) -> Option<Projection<S>> {
-        MARKS.with_borrow_mut(|marks| self.search_marked(mean, v, cap, marks))
+    /// triangles are looked at, a level is always finished. Of a long fan ([`LONGEST`]) a level has
+    /// only what is beside the triangle from which the search comes to it: `facing`, a triangle of
+    /// the fan of `v`, to begin with.
+    pub(super) fn search(&self, mean: &Vector<S, D>, v: u32, facing: u32, cap: u32) -> Option<Projection<S>> {
+        MARKS.with_borrow_mut(|marks| self.search_marked(mean, [v, facing], cap, marks))
     }
 
-    fn search_marked(&self, mean: &Vector<S, D>, v: u32, cap: u32, marks: &mut Marks) -> Option<Projection<S>> {
+    fn search_marked(&self, mean: &Vector<S, D>, from: [u32; 2], cap: u32, marks: &mut Marks) -> Option<Projection<S>> {
         let mut found = None;
-        self.levels(v, cap, marks, |level| {
+        self.levels(from, cap, marks, |level| {
             let mut best: Option<Projection<S>> = None;
             for &t in level.iter().filter(|&&t| self.bounds[t as usize].admits(mean)) {
                 let root = self.triangle(t).project(mean, S::of(SEARCH_PATIENCE));
@@ -137,18 +141,24 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
 
     /// Visits the levels of triangles around `v` until `stop` says so, or `cap` triangles were
     /// passed to it.
-    fn levels(&self, v: u32, cap: u32, marks: &mut Marks, mut stop: impl FnMut(&[u32]) -> bool) {
+    fn levels(&self, [v, facing]: [u32; 2], cap: u32, marks: &mut Marks, mut stop: impl FnMut(&[u32]) -> bool) {
         marks.begin(self.triangles.len(), self.vertices.len());
         let Marks { round, triangles, vertices, level, next } = marks;
         let mut passed = 0;
         next.clear();
-        let mut expand = |w: u32, next: &mut Vec<u32>| {
+        let mut expand = |w: u32, from: u32, next: &mut Vec<u32>| {
             if std::mem::replace(&mut vertices[w as usize], *round) != *round {
-                let new = |t: &&u32| std::mem::replace(&mut triangles[**t as usize], *round) != *round;
-                next.extend(self.fan(w).iter().filter(new));
+                let mut new = |t: u32| std::mem::replace(&mut triangles[t as usize], *round) != *round;
+                let fan = self.fan(w);
+                let mut pass = |t: u32| next.extend(Some(t).filter(|&t| new(t)));
+                match self.long.of(w, fan.len()) {
+                    None => fan.iter().for_each(|&t| pass(t)),
+                    Some(long) if long.triangles().len() <= LONGEST => long.triangles().iter().for_each(|&t| pass(t)),
+                    Some(_) => self.beside(w, from, pass),
+                }
             }
         };
-        expand(v, next);
+        expand(v, facing, next);
         while !next.is_empty() && passed < cap {
             std::mem::swap(level, next);
             next.clear();
@@ -158,8 +168,28 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
             }
             for &t in level.iter() {
                 for w in self.triangles[t as usize].v {
-                    expand(w, next);
+                    expand(w, t, next);
                 }
+            }
+        }
+    }
+
+    /// Calls `visit` with `t`, a triangle of the fan of `v`, and with as many on both sides of it as
+    /// make [`LONGEST`] together, or as there are until the fan ends.
+    fn beside(&self, v: u32, t: u32, mut visit: impl FnMut(u32)) {
+        visit(t);
+        // Leaving a triangle across the edge that is opposite to one of its outer vertices.
+        for mut opposite in self.triangles[t as usize].v.into_iter().filter(|&w| w != v) {
+            let mut at = t;
+            for _ in 0..LONGEST / 2 {
+                let triangle = &self.triangles[at as usize];
+                let Some(k) = triangle.v.iter().position(|&w| w == opposite) else { break };
+                let Some(kept) = triangle.v.into_iter().find(|&w| w != v && w != opposite) else { break };
+                if triangle.neighbours[k] == NONE {
+                    break;
+                }
+                (at, opposite) = (triangle.neighbours[k], kept);
+                visit(at);
             }
         }
     }
@@ -168,7 +198,8 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
     /// marked by [`NEW_LEVEL`]: the order in which a kernel looks at them.
     pub(super) fn neighbourhood(&self, v: u32, cap: u32, out: &mut Vec<u32>) {
         MARKS.with_borrow_mut(|marks| {
-            self.levels(v, cap, marks, |level| {
+            let Some(&facing) = self.fan(v).first() else { return };
+            self.levels([v, facing], cap, marks, |level| {
                 let first = out.len();
                 out.extend_from_slice(level);
                 out[first] |= NEW_LEVEL;
@@ -185,7 +216,7 @@ pub(super) const NEW_LEVEL: u32 = 1 << 31;
 mod tests {
     use super::*;
     use crate::geometry::Topology;
-    use crate::models::shapes::{Random, lobed_sphere};
+    use crate::models::shapes::{Random, lobed_sphere, uv_sphere};
     use crate::surface::theory::lift;
 
     #[test]
@@ -218,5 +249,32 @@ mod tests {
             }
         }
         assert!(roots > 100 && admitted * 2 < all, "{roots} roots, {admitted} of {all} admitted");
+    }
+
+    /// A double cone: around a vertex of thousands of triangles a search stays where it came from,
+    /// and finds what there is.
+    #[test]
+    fn a_search_does_not_pass_a_whole_long_fan() {
+        let n = 2000;
+        let mesh = uv_sphere(1.0, n, 2);
+        let s = PhongSurface::<f64, 8>::new(&Topology::new(&mesh), &lift(&mesh)).unwrap();
+        let mut near = Vec::new();
+        for v in 0..s.vertices.len() as u32 {
+            let before = near.len();
+            s.neighbourhood(v, 64, &mut near);
+            let passed: Vec<u32> = near[before..].iter().map(|t| t & !NEW_LEVEL).collect();
+            assert!(s.fan(v).iter().filter(|t| passed.contains(t)).count() >= s.fan(v).len().min(LONGEST));
+            assert!(passed.len() < 4 * LONGEST, "{}", passed.len());
+        }
+        let mut random = Random::new(5);
+        for _ in 0..200 {
+            let t = (random.unit() * s.triangles.len() as f64) as u32;
+            let mut mean = s.triangle(t).point(&[0.3, 0.3, 0.4]);
+            mean.iter_mut().for_each(|x| *x += 1e-3 * random.signed());
+            let wanted = s.project_exhaustive(&mean).unwrap();
+            let v = s.triangles[t as usize].v[0];
+            let found = s.search(&mean, v, t, 64).unwrap();
+            assert!(found.distance_squared < 4.0 * wanted.distance_squared + 1e-12, "{found:?} {wanted:?}");
+        }
     }
 }

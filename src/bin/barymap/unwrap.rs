@@ -137,6 +137,12 @@ fn unwrap_surface(
             "{name}: {count} faces without area or too thin for it have a single point of the texture ({which})"
         ));
     }
+    if report.copies > 0 {
+        session.warn(&format!(
+            "{name}: {} faces have the same corners as others and share their place in the texture",
+            report.copies
+        ));
+    }
     if report.cut_polygons > 0 {
         session.warn(&format!("{name}: {} bent polygons are cut into triangles", report.cut_polygons));
     }
@@ -160,6 +166,7 @@ fn describe_unwrap(r: &UnwrapReport) -> Value {
         "gap": r.gap,
         "flat_faces": r.flat,
         "overlapping_faces": r.faulty,
+        "repeated_faces": r.copies,
         "cut_polygons": r.cut_polygons,
         "rounds": r.rounds,
     })

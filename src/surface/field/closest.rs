@@ -4,6 +4,7 @@
 use rayon::prelude::*;
 
 use crate::geometry::NONE;
+use crate::surface::long_fans::{LongFan, LongFans, Reach};
 use crate::surface::project::SearchLimits;
 use crate::surface::vector::{Vector, combine, distance_squared, dot, sub};
 use crate::surface::{NearestVertex, PhongSurface};
@@ -13,6 +14,9 @@ pub(in crate::surface) type Normal = Vector<f64, 4>;
 
 /// A triangle whose squared sine at its first corner is no more than this has no tangent plane.
 const THIN: f64 = 1e-12;
+
+/// Borders crossed one by one before the fan of a vertex of very many triangles is searched.
+const NEEDLES: usize = 8;
 
 /// A point whose normal does not count.
 pub(in crate::surface) const FLAT: Normal = [0.0; 4];
@@ -39,11 +43,13 @@ pub(in crate::surface) struct ClosestOnSurface<'a, const K: usize> {
     /// Of each triangle the scalar products 00, 01, 11 of its two edges from the first corner,
     /// normals included; empty as they are.
     edges: Vec<[f64; 3]>,
+    /// Long fans with normals; without, the surface has its own.
+    long: Option<LongFans<K>>,
 }
 
 impl<'a, const K: usize> ClosestOnSurface<'a, K> {
     pub(in crate::surface) fn new(surface: &'a PhongSurface<f64, K>, vertices: &'a NearestVertex<K>) -> Self {
-        Self { surface, vertices, normals: &[], edges: Vec::new() }
+        Self { surface, vertices, normals: &[], edges: Vec::new(), long: None }
     }
 
     /// The same, with normals of the vertices. O(F K).
@@ -55,7 +61,11 @@ impl<'a, const K: usize> ClosestOnSurface<'a, K> {
             [dot(&e.0, &e.0) + dot(&e.1, &e.1), dot(&e.0, &f.0) + dot(&e.1, &f.1), dot(&f.0, &f.0) + dot(&f.1, &f.1)]
         };
         let edges = self.surface.triangles.par_iter().map(|t| edges(t.v)).collect();
-        Self { surface: self.surface, vertices: self.vertices, normals, edges }
+        let surface = self.surface;
+        let corners = |t: u32| surface.triangles[t as usize].v;
+        let spot = |v: u32| (surface.vertices[v as usize].y, normals[v as usize]);
+        let long = LongFans::new(surface.vertices.len(), |v| surface.fan(v), corners, spot);
+        Self { surface, vertices: self.vertices, normals, edges, long: Some(long) }
     }
 
     /// The closest point of the triangles around the nearest vertex, then around the corners of the
@@ -113,7 +123,7 @@ impl<'a, const K: usize> ClosestOnSurface<'a, K> {
         if !best.distance_squared.is_finite() {
             return None;
         }
-        loop {
+        for step in 1.. {
             let triangle = &self.surface.triangles[best.face as usize];
             let outside = best.x.map(|x| x <= 0.0);
             let closer = match outside.iter().filter(|o| **o).count() {
@@ -128,9 +138,18 @@ impl<'a, const K: usize> ClosestOnSurface<'a, K> {
             };
             match closer {
                 Some(c) if (c.distance_squared, c.face) < (best.distance_squared, best.face) => best = c,
-                _ => return Some(self.lowest(best)),
+                _ => break,
+            }
+            if step % NEEDLES == 0 {
+                // Around a vertex of thousands it may be a long way, needle by needle.
+                for v in self.surface.triangles[best.face as usize].v {
+                    if self.long(v, self.surface.fan(v).len()).is_some() {
+                        best = self.closer(place, v, Some(best)).unwrap_or(best);
+                    }
+                }
             }
         }
+        Some(self.lowest(best))
     }
 
     /// The same from a triangle at the vertex `start`; from the nearest vertex where that is
@@ -187,10 +206,23 @@ impl<'a, const K: usize> ClosestOnSurface<'a, K> {
         let mut least = distance(v);
         loop {
             let mut next = v;
-            for &w in self.surface.ring(v) {
-                let d = distance(w);
-                if d < least {
-                    (least, next) = (d, w);
+            let ring = self.surface.ring(v);
+            if let Some(fan) = self.long(v, ring.len()) {
+                fan.search(&(*z, *n), Reach::Vertices, least, |t| {
+                    for w in self.surface.triangles[t as usize].v.into_iter().filter(|&w| w != v) {
+                        let d = distance(w);
+                        if d < least || (d == least && next != v && w < next) {
+                            (least, next) = (d, w);
+                        }
+                    }
+                    least
+                });
+            } else {
+                for &w in ring {
+                    let d = distance(w);
+                    if d < least {
+                        (least, next) = (d, w);
+                    }
                 }
             }
             if next == v {
@@ -242,12 +274,30 @@ impl<'a, const K: usize> ClosestOnSurface<'a, K> {
 
     /// The closest of `best` and the points of the triangles around `v`.
     fn closer(&self, place: Place<'_, K>, v: u32, best: Option<Closest>) -> Option<Closest> {
-        self.surface
-            .fan(v)
-            .iter()
-            .map(|&t| self.on_triangle(place, t))
-            .chain(best)
-            .reduce(|b, c| if (c.distance_squared, c.face) < (b.distance_squared, b.face) { c } else { b })
+        let nearer = |b: Closest, c: Closest| {
+            if (c.distance_squared, c.face) < (b.distance_squared, b.face) { c } else { b }
+        };
+        let fan = self.surface.fan(v);
+        if let Some(long) = self.long(v, fan.len()) {
+            let mut found = best;
+            let least = best.map_or(f64::INFINITY, |b| b.distance_squared);
+            long.search(&(*place.0, *place.1), Reach::Triangles, least, |t| {
+                let here = self.on_triangle(place, t);
+                let now = found.map_or(here, |b| nearer(b, here));
+                found = Some(now);
+                now.distance_squared
+            });
+            return found;
+        }
+        fan.iter().map(|&t| self.on_triangle(place, t)).chain(best).reduce(nearer)
+    }
+
+    /// The fan of `v` of `count` triangles, if it is long.
+    fn long(&self, v: u32, count: usize) -> Option<&LongFan<K>> {
+        match &self.long {
+            Some(with_normals) => with_normals.of(v, count),
+            None => self.surface.long.of(v, count),
+        }
     }
 
     fn on_triangle(&self, (z, n): Place<'_, K>, face: u32) -> Closest {
@@ -314,7 +364,7 @@ fn closest(face: u32, [bb, bc, cc, db, dc, dd]: [f64; 6]) -> Closest {
 mod tests {
     use super::*;
     use crate::geometry::{ClosestPoints, Topology};
-    use crate::models::shapes::{Random, lobed_sphere};
+    use crate::models::shapes::{Random, lobed_sphere, uv_sphere};
     use glam::DVec3;
 
     #[test]
@@ -348,6 +398,38 @@ mod tests {
             assert_eq!(here.follow((&z, &FLAT), found.face), Some(found));
         }
         assert!(here.find(&[f64::NAN; 4]).is_none() && here.follow((&[f64::NAN; 4], &FLAT), 0).is_none());
+    }
+
+    #[test]
+    fn around_a_vertex_of_thousands_the_closest_is_found_from_anywhere() {
+        let mesh = uv_sphere(1.0, 4000, 2);
+        let topology = Topology::new(&mesh);
+        let points: Vec<f64> = mesh.positions.iter().flat_map(|p| [p.x, p.y, p.z, 0.0]).collect();
+        let surface = PhongSurface::<f64, 4>::new(&topology, &points).unwrap();
+        let vertices = NearestVertex::new(&surface);
+        let plain = ClosestOnSurface::new(&surface, &vertices);
+        let normals: Vec<Normal> = mesh.positions.iter().map(|p| [0.1 * p.x, 0.1 * p.y, 0.1 * p.z, 0.0]).collect();
+        let with_normals = plain.with_normals(&normals);
+        let mut random = Random::new(7);
+        for k in 0..60 {
+            let t = (random.unit() * surface.triangles.len() as f64) as u32;
+            let x = [random.unit(), random.unit(), random.unit()];
+            let x = x.map(|b| b / x.iter().sum::<f64>());
+            let corners = surface.triangles[t as usize].v;
+            let mut z = combine(&x, corners.map(|v| &surface.vertices[v as usize].y));
+            z.iter_mut().take(3).for_each(|c| *c *= 1.0 + 0.1 * random.unit());
+            let n = combine(&x, corners.map(|v| &normals[v as usize]));
+            let (here, place) = if k % 2 == 0 { (&plain, (&z, &FLAT)) } else { (&with_normals, (&z, &n)) };
+            let all = (0..surface.triangles.len() as u32).map(|t| here.on_triangle(place, t).distance_squared);
+            let least = all.fold(f64::INFINITY, f64::min);
+            // From a triangle anywhere around the tip.
+            let hub = corners.into_iter().max_by_key(|&v| surface.fan(v).len()).unwrap();
+            let from = surface.fan(hub)[(random.unit() * surface.fan(hub).len() as f64) as usize];
+            for found in [here.near(place, corners[0]), here.near(place, hub), here.follow(place, from)] {
+                let distance = found.unwrap().distance_squared;
+                assert!(distance <= least * (1.0 + 1e-6) + 1e-12, "{k}: {distance:e} {least:e}");
+            }
+        }
     }
 
     #[test]

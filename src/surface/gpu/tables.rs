@@ -1,5 +1,7 @@
 //! A surface as kernels look it up.
 
+use std::collections::{BTreeSet, HashMap};
+
 use bytemuck::{Pod, Zeroable};
 
 use crate::engine::{Gpu, Table};
@@ -128,7 +130,7 @@ pub(super) fn append_rows<const D: usize>(rows: &[[f32; D]], texels: &mut Vec<[u
 /// closes no triangle. Every neighbour occurs, and every triangle of the fan once.
 fn around<const D: usize>(surface: &PhongSurface<f32, D>, v: u32, stops: &mut Vec<Stop>) {
     // Of each triangle the two other vertices, in its orientation.
-    let mut left: Vec<(u32, u32, u32)> = surface
+    let fan: Vec<(u32, u32, u32)> = surface
         .fan(v)
         .iter()
         .filter_map(|&t| {
@@ -137,16 +139,33 @@ fn around<const D: usize>(surface: &PhongSurface<f32, D>, v: u32, stops: &mut Ve
             Some((w[(k + 1) % 3], w[(k + 2) % 3], t))
         })
         .collect();
-    while !left.is_empty() {
-        // A chain begins where no other triangle ends, or anywhere on a closed fan.
-        let begin = left.iter().position(|a| !left.iter().any(|b| b.1 == a.0)).unwrap_or(0);
-        let (a, mut end, t) = left.remove(begin);
-        stops.push(Stop::new(a, NONE));
-        stops.push(Stop::new(end, t));
-        while let Some(next) = left.iter().position(|c| c.0 == end) {
-            let (_, b, t) = left.remove(next);
+    // Those left: by the vertex that they begin with, how many end at each vertex, and those that
+    // nothing ends before.
+    let mut left: BTreeSet<usize> = (0..fan.len()).collect();
+    let mut from: HashMap<u32, BTreeSet<usize>> = HashMap::new();
+    let mut ending: HashMap<u32, usize> = HashMap::new();
+    for (i, a) in fan.iter().enumerate() {
+        from.entry(a.0).or_default().insert(i);
+        *ending.entry(a.1).or_default() += 1;
+    }
+    let mut first: BTreeSet<usize> = left.iter().copied().filter(|&i| !ending.contains_key(&fan[i].0)).collect();
+    // A chain begins where no other triangle ends, or anywhere on a closed fan.
+    while let Some(begin) = first.first().or(left.first()).copied() {
+        stops.push(Stop::new(fan[begin].0, NONE));
+        let mut next = Some(begin);
+        while let Some(i) = next {
+            let (a, b, t) = fan[i];
+            left.remove(&i);
+            first.remove(&i);
+            from.entry(a).or_default().remove(&i);
+            let ends = ending.entry(b).or_default();
+            *ends = ends.saturating_sub(1);
+            let after = from.get(&b);
+            if *ends == 0 {
+                first.extend(after.into_iter().flatten());
+            }
             stops.push(Stop::new(b, t));
-            end = b;
+            next = after.and_then(|after| after.first()).copied();
         }
     }
 }
@@ -155,12 +174,13 @@ fn around<const D: usize>(surface: &PhongSurface<f32, D>, v: u32, stops: &mut Ve
 mod tests {
     use super::*;
     use crate::geometry::{Mesh, Topology};
-    use crate::models::shapes::{Diagonal, irregular_plane, lobed_sphere};
+    use crate::models::shapes::{Diagonal, irregular_plane, lobed_sphere, uv_sphere};
 
     #[test]
     fn stops_hold_every_neighbour_and_every_triangle_once() {
         // Closed fans, and open ones along a boundary.
         check(&lobed_sphere(1, 0.3));
+        check(&uv_sphere(1.0, 600, 2));
         check(&irregular_plane(5, 4, 3.0, 2.0, Diagonal::Alternating, 0.3, 5));
     }
 

@@ -1,5 +1,7 @@
 //! Which triangle each sample sees.
 
+use std::collections::HashSet;
+
 use glam::{DVec2, DVec3};
 
 use crate::geometry::{Mesh, NONE};
@@ -32,7 +34,12 @@ impl Bands {
     /// Sorts triangles into bands of `rows` rows of a grid of samples.
     pub(super) fn new(mesh: &Mesh, projected: &[DVec3], width: u32, height: u32, rows: u32) -> Self {
         let mut triangles = vec![Vec::new(); height.div_ceil(rows) as usize];
+        let mut known = HashSet::with_capacity(mesh.triangle_count());
         for t in 0..mesh.triangle_count() {
+            // A copy is nowhere nearer than the first.
+            if !known.insert(mesh.triangle(t)) {
+                continue;
+            }
             let p = mesh.triangle(t).map(|v| projected[v as usize]);
             if !p.iter().all(|p| p.is_finite()) {
                 continue;
@@ -69,20 +76,21 @@ impl Bands {
             let Some(edges) = Edges::new(p.map(DVec3::truncate)) else { continue };
             let low = p[0].min(p[1]).min(p[2]);
             let high = p[0].max(p[1]).max(p[2]);
-            let y0 = ((low.y - 0.5).ceil().max(first_row as f64)) as usize;
-            let y1 = ((high.y - 0.5).floor()).min((first_row + rows) as f64 - 1.0);
+            let y0 = at_or_above(low.y - 0.5).max(first_row);
+            let y1 = (high.y - 0.5).min((first_row + rows) as f64 - 1.0);
             if y1 < 0.0 {
                 continue;
             }
+            let scan = Scan::new(edges.p);
             for y in y0..=y1 as usize {
                 // Only what the triangle has in this row: the box around a needle is nearly empty.
-                let (left, right) = edges.span(y as f64 + 0.5);
-                let x0 = ((left - 0.5).ceil().max(0.0)) as usize;
-                let x1 = ((right - 0.5).floor()).min(width as f64 - 1.0);
-                if x1 < 0.0 {
+                // Most rows of a needle hold no sample, so that a row must cost little.
+                let (left, right) = scan.span(y as f64 + 0.5);
+                let last = (right - 0.5).min(width as f64 - 1.0);
+                if last < 0.0 || (last as usize as f64) < left - 0.5 {
                     continue;
                 }
-                for x in x0..=x1 as usize {
+                for x in at_or_above(left - 0.5)..=last as usize {
                     let Some(b) = edges.inside(DVec2::new(x as f64 + 0.5, y as f64 + 0.5)) else { continue };
                     let depth = (b[0] * p[0].z + b[1] * p[1].z + b[2] * p[2].z) as f32;
                     let i = (y - first_row) * width + x;
@@ -133,29 +141,6 @@ impl Edges {
         })
     }
 
-    /// First and last place in the row at `y` that the triangle may own, wider than it by more than
-    /// rounding; the first is beyond the last where there is none.
-    fn span(&self, y: f64) -> (f64, f64) {
-        let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);
-        let mut largest = y.abs();
-        for k in 0..3 {
-            let (a, b) = (self.p[k], self.p[(k + 1) % 3]);
-            largest = largest.max(a.x.abs()).max(a.y.abs());
-            if (a.y <= y) != (b.y <= y) {
-                let x = a.x + (y - a.y) / (b.y - a.y) * (b.x - a.x);
-                // Within the edge, however flat it runs.
-                let x = x.clamp(a.x.min(b.x), a.x.max(b.x));
-                (left, right) = (left.min(x), right.max(x));
-            } else if a.y == y && b.y == y {
-                (left, right) = (left.min(a.x).min(b.x), right.max(a.x).max(b.x));
-            } else if a.y == y {
-                (left, right) = (left.min(a.x), right.max(a.x));
-            }
-        }
-        let slack = SLACK * largest;
-        (left - slack, right + slack)
-    }
-
     /// Whether the front is seen: with y down, counter-clockwise triangles have negative area.
     pub(super) fn front(&self) -> bool {
         self.area < 0.0
@@ -166,6 +151,47 @@ impl Edges {
         let b = self.barycentric(x);
         (0..3).all(|k| b[k] > 0.0 || (b[k] == 0.0 && self.owned[k])).then_some(b)
     }
+}
+
+/// The courses of a triangle's sides from row to row.
+struct Scan {
+    /// From the lowest to the highest row.
+    p: [DVec2; 3],
+    /// Steps along x per row: of the side from the first corner to the last, from the first to the
+    /// second, from the second to the last.
+    steps: [f64; 3],
+    slack: f64,
+}
+
+impl Scan {
+    fn new(mut p: [DVec2; 3]) -> Self {
+        for (i, j) in [(0, 1), (1, 2), (0, 1)] {
+            if p[j].y < p[i].y {
+                p.swap(i, j);
+            }
+        }
+        // A side within a row is met at its end points alone.
+        let step = |a: DVec2, b: DVec2| if b.y > a.y { (b.x - a.x) / (b.y - a.y) } else { 0.0 };
+        let largest = p.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
+        Self { p, steps: [step(p[0], p[2]), step(p[0], p[1]), step(p[1], p[2])], slack: SLACK * largest }
+    }
+
+    /// First and last place that the triangle may own in the row at `y`, which meets it; wider than
+    /// it by more than rounding.
+    fn span(&self, y: f64) -> (f64, f64) {
+        let [a, b, _] = self.p;
+        let through = a.x + (y - a.y) * self.steps[0];
+        let around = if y < b.y { a.x + (y - a.y) * self.steps[1] } else { b.x + (y - b.y) * self.steps[2] };
+        let (left, right) = if through < around { (through, around) } else { (around, through) };
+        (left - self.slack, right + self.slack)
+    }
+}
+
+/// The first whole number that is not below `x`, nor below zero: `ceil` is a call where the
+/// processor's least features are assumed.
+fn at_or_above(x: f64) -> usize {
+    let whole = x as usize;
+    whole.saturating_add(usize::from((whole as f64) < x))
 }
 
 #[cfg(test)]

@@ -152,9 +152,11 @@ impl<'a> Shader<'a> {
             _ => 0,
         };
         let texture = self.textures.get(material).and_then(Option::as_ref);
-        let bare = || texture.filter(|(mips, _)| (mips.0[0].0, mips.0[0].1) == (1, 1)).map(|_| [DVec2::ZERO; 3]);
-        let texcoords = self.mesh.triangle_texcoords(t as usize).or_else(bare);
-        let placed = texture.zip(texcoords).map(|((mips, placement), uv)| (mips, uv.map(|uv| placement.apply(uv))));
+        let placed = texture.and_then(|(mips, placement)| {
+            let bare = || ((mips.0[0].0, mips.0[0].1) == (1, 1)).then_some([DVec2::ZERO; 3]);
+            let uv = self.mesh.triangle_texcoords(t as usize).or_else(bare)?;
+            Some((mips, uv.map(|uv| placement.apply(uv))))
+        });
         let usable = |uv: &[DVec2; 3]| uv.iter().all(|uv| uv.is_finite() && uv.abs().max_element() < 1e6);
         let texture = placed.filter(|(_, uv)| usable(uv)).map(|(mips, uv)| {
             // The level at which a sample covers about one texel, by the ratio of areas.
@@ -165,14 +167,20 @@ impl<'a> Shader<'a> {
             (material, uv, level as usize)
         });
         // Heights of the corners over their opposite edges, in samples: turns barycentrics into
-        // distances for the wireframe.
-        let area = (flat[1] - flat[0]).perp_dot(flat[2] - flat[0]).abs();
-        let heights = [0, 1, 2].map(|k| area / flat[(k + 1) % 3].distance(flat[(k + 2) % 3]));
+        // distances for the wireframe. Where every sample sees another triangle, what is not needed
+        // must not be computed.
+        let heights = if self.options.wireframe {
+            let area = (flat[1] - flat[0]).perp_dot(flat[2] - flat[0]).abs();
+            [0, 1, 2].map(|k| area / flat[(k + 1) % 3].distance(flat[(k + 2) % 3]))
+        } else {
+            [0.0; 3]
+        };
         // Vertices that the file repeats may have normals and colours of their own.
         let corners = self.mesh.file_triangle_corners(t as usize);
         let own = |c: &Corner| self.mesh.normals.get(c.normal as usize).and_then(|n| n.try_normalize());
-        let normals = match [0, 1, 2].map(|k| own(&corners[k])) {
-            [Some(a), Some(b), Some(c)] if self.options.lighting => Some([a, b, c]),
+        let wanted = self.options.lighting && !self.mesh.normals.is_empty();
+        let normals = match wanted.then(|| [0, 1, 2].map(|k| own(&corners[k]))) {
+            Some([Some(a), Some(b), Some(c)]) => Some([a, b, c]),
             _ => None,
         };
         Some(Facet {

@@ -8,12 +8,14 @@
 //! keep, and what fails is cut apart and flattened again. Charts that are rings are cut in two.
 
 mod cuts;
+mod fans;
 mod rebuild;
 
 use crate::error::{Error, Result};
 use crate::geometry::texcoords::{Distortion, Islands, OverlapOptions, Overlaps, distortion, overlaps, seam_length};
 use crate::geometry::{Mesh, NONE, Topology};
 use cuts::Cuts;
+use fans::Fans;
 
 /// How a mesh is unwrapped.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,6 +46,9 @@ pub struct UnwrapReport {
     /// Triangles without area in the texture, ascending: they have none on the surface, or are too
     /// thin for single precision.
     pub flat: Vec<u32>,
+    /// Faces around vertices of many that have the corners of another face, and its place in the
+    /// texture.
+    pub copies: usize,
     /// Polygons that had to be cut into their triangles, because they are bent too much for one
     /// chart.
     pub cut_polygons: usize,
@@ -79,7 +84,8 @@ const ROUNDS: u32 = 6;
 ///
 /// Charts are connected, do not overlap, keep within materials, and have equal texel density. They
 /// end at edges of more than two triangles and at boundaries. Triangles without area get a single
-/// point of the texture. Deterministic for any number of threads. A mesh of 100,000 triangles takes
+/// point of the texture. A fan of more than 512 triangles around a vertex is unfolded by itself, in
+/// sectors, and copies of a face around such a vertex lie on one another. Deterministic for any number of threads. A mesh of 100,000 triangles takes
 /// seconds.
 ///
 /// # Errors
@@ -87,12 +93,43 @@ const ROUNDS: u32 = 6;
 /// charts are too many for the texture's size.
 pub fn unwrap(mesh: &Mesh, topology: &Topology, options: &UnwrapOptions) -> Result<Unwrapped> {
     check(mesh, topology, options)?;
+    let fans = Fans::new(mesh, topology);
+    if fans.is_empty() {
+        let made = charts(mesh, options)?;
+        return Ok(report(made, 0, mesh, topology, options));
+    }
+    let coarse = fans.coarse(mesh);
+    let made = charts(&coarse, options)?;
+    let (texcoords, of_corner) = fans.texcoords(&made.mesh);
+    let (unwrapped, cut_polygons) = rebuild::with_texcoords(mesh, (texcoords, &of_corner));
+    let mut faulty: Vec<u32> = made.faulty.iter().flat_map(|&t| fans.triangles_of(t as usize)).collect();
+    let islands = Islands::new(&unwrapped);
+    // Within single precision sectors are as good as they were unfolded; said if they are not.
+    let mirrored = |t: &u32| islands.islands.get(islands.island_of[*t as usize] as usize).is_some_and(|i| i.mirrored);
+    faulty.extend((0..mesh.triangle_count() as u32).filter(mirrored));
+    faulty.sort_unstable();
+    faulty.dedup();
+    let made = Charts { mesh: unwrapped, islands, cut_polygons, faulty, rounds: made.rounds };
+    Ok(report(made, fans.copies(), mesh, topology, options))
+}
+
+/// A mesh with charts, and what its report needs.
+struct Charts {
+    mesh: Mesh,
+    islands: Islands,
+    cut_polygons: usize,
+    faulty: Vec<u32>,
+    rounds: u32,
+}
+
+/// Charts by the atlas crate, mended as far as they can be.
+fn charts(mesh: &Mesh, options: &UnwrapOptions) -> Result<Charts> {
     let mut cuts = Cuts::new(mesh);
     let mut input = rebuild::Input::new(mesh);
     let mut rounds = 0;
     loop {
         let atlas = input.atlas(&cuts, options, &mesh.name)?;
-        let (unwrapped, cut_polygons) = rebuild::with_texcoords(mesh, &atlas);
+        let (unwrapped, cut_polygons) = rebuild::with_texcoords(mesh, rebuild::texcoords(&atlas));
         let islands = Islands::new(&unwrapped);
         let found = overlaps(&unwrapped, &islands, &OverlapOptions::default());
         let faulty = faulty(&islands, &found);
@@ -101,28 +138,33 @@ pub fn unwrap(mesh: &Mesh, topology: &Topology, options: &UnwrapOptions) -> Resu
             cuts.around(&faulty, &islands, rounds);
             cuts.part_rings(&unwrapped, &islands);
         }
-        if cuts.count() > before {
-            // What is good stays as it is: only what is cut changes.
-            input.keep(&atlas);
-            rounds += 1;
-            continue;
+        if cuts.count() == before {
+            return Ok(Charts { mesh: unwrapped, islands, cut_polygons, faulty, rounds });
         }
-        let distortion = distortion(&unwrapped);
-        let texels_per_unit = (distortion.texture_area / mesh.area()).sqrt() * f64::from(options.size);
-        let report = UnwrapReport {
-            charts: islands.islands.len(),
-            not_disks: islands.islands.iter().filter(|i| !i.is_disk()).count(),
-            flat: islands.flat.clone(),
-            cut_polygons,
-            faulty,
-            rounds,
-            distortion,
-            seam_length: seam_length(&unwrapped, topology, &islands),
-            texels_per_unit,
-            gap: 2 * options.gap.div_ceil(2),
-        };
-        return Ok(Unwrapped { mesh: unwrapped, report });
+        // What is good stays as it is: only what is cut changes.
+        input.keep(&atlas);
+        rounds += 1;
     }
+}
+
+fn report(made: Charts, copies: usize, mesh: &Mesh, topology: &Topology, options: &UnwrapOptions) -> Unwrapped {
+    let distortion = distortion(&made.mesh);
+    let texels_per_unit = (distortion.texture_area / mesh.area()).sqrt() * f64::from(options.size);
+    let islands = &made.islands;
+    let report = UnwrapReport {
+        charts: islands.islands.len(),
+        not_disks: islands.islands.iter().filter(|i| !i.is_disk()).count(),
+        flat: islands.flat.clone(),
+        copies,
+        cut_polygons: made.cut_polygons,
+        seam_length: seam_length(&made.mesh, topology, islands),
+        faulty: made.faulty,
+        rounds: made.rounds,
+        distortion,
+        texels_per_unit,
+        gap: 2 * options.gap.div_ceil(2),
+    };
+    Unwrapped { mesh: made.mesh, report }
 }
 
 fn check(mesh: &Mesh, topology: &Topology, options: &UnwrapOptions) -> Result<()> {

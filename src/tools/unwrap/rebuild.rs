@@ -98,42 +98,46 @@ impl Input {
     }
 }
 
-/// `mesh` with the texture coordinates of `atlas`, and how many of its polygons had to be cut into
-/// triangles. The triangles keep their order.
-pub(super) fn with_texcoords(mesh: &Mesh, atlas: &Atlas) -> (Mesh, usize) {
+/// The texture coordinates of `atlas`, and which of them each corner of each triangle has.
+pub(super) fn texcoords(atlas: &Atlas) -> (Vec<DVec2>, &[u32]) {
     let output = &atlas.meshes[0];
-    let mut builder = MeshBuilder::like(mesh);
-    builder.mesh.positions.clone_from(&mesh.positions);
-    builder.mesh.normals.clone_from(&mesh.normals);
-    builder.mesh.colors.clone_from(&mesh.colors);
     // The page is cut off above what is used; the texture is square. Rounded, so that files in
     // single precision hold the same.
     let cropped = f64::from(atlas.height) / f64::from(atlas.width);
     let place = |uv: [f32; 2]| DVec2::new(f64::from(uv[0]), f64::from((f64::from(uv[1]) * cropped) as f32));
-    builder.mesh.texcoords = output.vertices.iter().map(|v| place(v.uv)).collect();
+    (output.vertices.iter().map(|v| place(v.uv)).collect(), &output.indices)
+}
+
+/// `mesh` with texture coordinates, of which each corner of each triangle has one, and how many of
+/// its polygons had to be cut into triangles. The triangles keep their order.
+pub(super) fn with_texcoords(mesh: &Mesh, (texcoords, of_corner): (Vec<DVec2>, &[u32])) -> (Mesh, usize) {
+    let mut builder = MeshBuilder::like(mesh);
+    builder.mesh.positions.clone_from(&mesh.positions);
+    builder.mesh.normals.clone_from(&mesh.normals);
+    builder.mesh.colors.clone_from(&mesh.colors);
+    builder.mesh.texcoords = texcoords;
     let mut cut = 0;
     let mut t = 0;
     for p in 0..mesh.polygon_count() {
         builder.follow(mesh, p);
         let corners: Vec<Corner> = mesh.file_polygon(p).collect();
         let count = corners.len().saturating_sub(2);
-        let mut texcoords = vec![NONE; corners.len()];
+        let mut own = vec![NONE; corners.len()];
         let mut whole = true;
         for k in t..t + count {
             for (c, place) in mesh.triangle_places(k).into_iter().enumerate() {
-                let texcoord = output.indices[3 * k + c];
-                whole &= texcoords[place] == NONE || texcoords[place] == texcoord;
-                texcoords[place] = texcoord;
+                let texcoord = of_corner[3 * k + c];
+                whole &= own[place] == NONE || own[place] == texcoord;
+                own[place] = texcoord;
             }
         }
         if whole {
-            builder.polygon(corners.iter().zip(&texcoords).map(|(c, &texcoord)| Corner { texcoord, ..*c }));
+            builder.polygon(corners.iter().zip(&own).map(|(c, &texcoord)| Corner { texcoord, ..*c }));
         } else {
             cut += 1;
             for k in t..t + count {
                 let places = mesh.triangle_places(k).into_iter().enumerate();
-                builder
-                    .polygon(places.map(|(c, place)| Corner { texcoord: output.indices[3 * k + c], ..corners[place] }));
+                builder.polygon(places.map(|(c, place)| Corner { texcoord: of_corner[3 * k + c], ..corners[place] }));
             }
         }
         t += count;
