@@ -1,15 +1,16 @@
 //! `barymap decal`: a picture on a part of a surface, by four anchors or more.
 
-use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
-use barymap::geometry::{Mesh, Placement, Wrap};
+use barymap::geometry::Placement;
 use barymap::io::decal_anchors::read_decal_anchors;
 use barymap::io::finite;
 use barymap::io::image_file::{Metadata, Picture, check_image_extension};
 use barymap::io::{AnchorSpec, write_obj};
 use barymap::raster::Image;
-use barymap::tools::decal::{Decal, DecalAnchors, Layout, PaintOptions, composite, decal, paint, with_texcoords};
+use barymap::tools::decal::{
+    Decal, DecalAnchors, Layout, PaintOptions, composite, decal, paint_placed, with_texcoords,
+};
 use barymap::tools::transfer::{Filter, LARGEST_SIDE};
 use barymap::{Error, Result};
 use clap::ValueEnum;
@@ -218,22 +219,6 @@ fn material(surface: &Surface, name: &str) -> Result<u32> {
     })
 }
 
-/// The mesh with places in its pictures as texture coordinates: a decal is drawn where the material
-/// shows the texel.
-fn placed<'m>(mesh: &'m Mesh, session: &Session<'_>) -> Cow<'m, Mesh> {
-    let placements: Vec<Placement> = mesh.materials.iter().map(|m| m.base_color_placement).collect();
-    if placements.iter().any(|p| p.wrap.contains(&Wrap::Mirror)) {
-        session.warn("a material mirrors its picture: beyond the unit square the decal is drawn as if it repeated");
-    }
-    if placements.iter().all(Placement::keeps_coordinates) {
-        return Cow::Borrowed(mesh);
-    }
-    let mut placed = mesh.clone();
-    let place = |m: u32| placements.get(m as usize).copied().unwrap_or_default();
-    placed.map_texcoords(|p, uv| place(mesh.polygon_material(p)).apply(uv));
-    Cow::Owned(placed)
-}
-
 /// The texture with the decal, and how many texels show it.
 fn draw(
     session: &Session<'_>,
@@ -262,8 +247,10 @@ fn draw(
         material,
         memory: session.common.memory,
     };
-    let mesh = placed(&surface.mesh, session);
-    let painted = paint(&session.engine, &mesh, made, picture, &options, session.progress())?;
+    // A decal is drawn where the material shows the texel.
+    let mesh = &surface.mesh;
+    let placements: Vec<Placement> = mesh.materials.iter().map(|m| m.base_color_placement).collect();
+    let painted = paint_placed(&session.engine, mesh, &placements, made, picture, &options, session.progress())?;
     for note in &painted.stats.notes {
         session.warn(note);
     }

@@ -13,12 +13,14 @@ mod domain;
 mod paint;
 mod patch;
 mod plate;
+mod unfold;
 
 use glam::{DVec2, DVec3};
 
 pub use anchors::DecalAnchors;
 pub use composite::composite;
 pub use paint::{PaintOptions, Painted, paint};
+pub use unfold::paint_placed;
 
 use crate::error::{Error, Result};
 use crate::geometry::{Corner, Mesh, MeshBuilder, NONE, SurfacePoint, Topology};

@@ -1,6 +1,7 @@
 use super::*;
 use crate::engine::Engine;
 use crate::geometry::ClosestPoints;
+use crate::geometry::material::{Placement, Wrap};
 use crate::models::shapes::{Diagonal, Random, icosphere, irregular_plane, plane_grid, tube};
 use crate::progress::Quiet;
 use crate::raster::{Image, Pixels};
@@ -291,4 +292,70 @@ fn one_picture_over_another() {
     let result = composite(&nothing, &over, 0.5, true).unwrap();
     assert_eq!(result.pixels, Pixels::U8(vec![200, 100, 0, 128, 0, 0, 0, 0]));
     assert!(composite(&Image::new(1, 1, 3, Pixels::U8(vec![0; 3])).unwrap(), &over, 1.0, false).is_err());
+}
+
+#[test]
+fn mirrored_and_clamped_textures_get_what_they_show() {
+    // The texture lies on the left half of the plane, and beyond its right border once more.
+    let plane = plane_grid(16, 16, 1.0, 1.0, Diagonal::Forward);
+    let mut builder = MeshBuilder::new("plane");
+    builder.mesh.positions.clone_from(&plane.positions);
+    builder.mesh.texcoords = plane.texcoords.iter().map(|uv| DVec2::new(2.0 * uv.x, uv.y)).collect();
+    builder.mesh.materials = vec![Default::default()];
+    builder.material = 0;
+    (0..plane.polygon_count()).for_each(|p| builder.polygon(plane.polygon(p).iter().copied()));
+    let mesh = builder.build();
+    let colors = |x: u32, y: u32| [8 * x as u8, 4 * y as u8, 200];
+    let samples = (0..32 * 64).flat_map(|i| colors(i % 32, i / 32)).collect();
+    let picture = Image::new(32, 64, 3, Pixels::U8(samples)).unwrap();
+    let options = PaintOptions {
+        width: 64,
+        height: 64,
+        margin: 0,
+        filter: Filter::Bilinear,
+        supersample: 1,
+        linear_light: false,
+        material: None,
+        memory: 1 << 30,
+    };
+    let painted = |left: f64, wrap: Wrap| {
+        let corners = [(left, 0.25), (left + 0.25, 0.25), (left + 0.25, 0.75), (left, 0.75)];
+        let anchors = DecalAnchors::corners(on(&mesh, corners.map(|(x, y)| DVec3::new(x, y, 0.0))));
+        let made = lay(&mesh, &anchors, Layout::Plate).unwrap();
+        let placement = Placement { wrap: [wrap, Wrap::Repeat], ..Placement::default() };
+        paint_placed(&Engine::cpu(), &mesh, &[placement], &made, &picture, &options, &Quiet).unwrap()
+    };
+    let mirror = |image: &Image| {
+        let mut other = image.clone();
+        let places = (0..64).flat_map(|y| (0..64).map(move |x| (x, y)));
+        places.for_each(|(x, y)| (0..4).for_each(|c| other.set(63 - x, y, c, image.get(x, y, c))));
+        other
+    };
+    let off = |a: &Image, b: &Image| (0..a.pixels.len()).map(|k| (a.sample(k) - b.sample(k)).abs()).fold(0.0, f32::max);
+    // On the right half: its repeat is the same texels, its mirror image the other way round.
+    let (repeated, mirrored) = (painted(0.625, Wrap::Repeat), painted(0.625, Wrap::Mirror));
+    let (same, other) = (off(&mirrored.image, &mirror(&repeated.image)), off(&mirrored.image, &repeated.image));
+    assert!(same < 0.02 && other > 0.3, "{same} {other}");
+    assert_eq!((mirrored.texels, mirrored.stats.overlapping), (repeated.texels, 0));
+    // On the left half there is nothing to turn over.
+    let left = painted(0.125, Wrap::Repeat).image;
+    assert!(off(&painted(0.125, Wrap::Mirror).image, &left) < 0.02);
+    // Across the border both halves are in the same texels, up to it.
+    let across = painted(0.375, Wrap::Mirror);
+    let alpha = |x: u32| across.image.get(x, 32, 3);
+    assert!(alpha(60) == 1.0 && alpha(50) == 1.0 && alpha(40) == 0.0 && alpha(3) == 0.0);
+    assert!(across.stats.overlapping > 300, "{}", across.stats.overlapping);
+    // Beyond a clamped border there is no texel of its own.
+    let clamped = painted(0.625, Wrap::Clamp);
+    assert!((0..64 * 64).all(|i| clamped.image.sample(4 * i + 3) == 0.0));
+    assert!(off(&painted(0.125, Wrap::Clamp).image, &left) < 0.02);
+    // Repeats side by side beyond reason are refused.
+    let mut far = mesh.clone();
+    far.map_texcoords(|_, uv| DVec2::new(1e4 * uv.x, uv.y));
+    let corners = [(0.2, 0.2), (0.8, 0.2), (0.8, 0.8), (0.2, 0.8)];
+    let anchors = DecalAnchors::corners(on(&far, corners.map(|(x, y)| DVec3::new(x, y, 0.0))));
+    let made = lay(&far, &anchors, Layout::Plate).unwrap();
+    let placement = Placement { wrap: [Wrap::Mirror; 2], ..Placement::default() };
+    let error = paint_placed(&Engine::cpu(), &far, &[placement], &made, &picture, &options, &Quiet).unwrap_err();
+    assert!(error.to_string().contains("repeats"), "{error}");
 }
