@@ -15,7 +15,7 @@ use serde_json::Value;
 
 use super::gltf_container::{base64, split};
 use super::locate::{Located, locate, percent_decoded};
-use super::{gltf_extensions, source};
+use super::{gltf_compressed, gltf_extensions, source};
 use crate::{Error, Result};
 
 #[derive(Debug, Default, Deserialize)]
@@ -239,6 +239,8 @@ pub(crate) struct Document {
     /// Bytes of the file and its buffers, the measure of what it may expand to.
     pub(crate) byte_count: usize,
     pub(crate) path: PathBuf,
+    /// The extensions that compressed it, which are gone.
+    pub(crate) compression: Vec<&'static str>,
 }
 
 impl Document {
@@ -256,7 +258,7 @@ impl Document {
         let json: Value = serde_json::from_slice(text).map_err(not_gltf)?;
         let root = Root::deserialize(&json).map_err(not_gltf)?;
         let (byte_count, path) = (bytes.len(), path.to_owned());
-        let mut document = Self { json, root, buffers: Vec::new(), byte_count, path };
+        let mut document = Self { json, root, buffers: Vec::new(), byte_count, path, compression: Vec::new() };
         document.check_extensions()?;
         // The same file again is the same buffer: a list of one file a million times is not loaded
         // a million times.
@@ -275,6 +277,7 @@ impl Document {
             };
             document.buffers.push(loaded);
         }
+        gltf_compressed::expand(&mut document)?;
         Ok(document)
     }
 

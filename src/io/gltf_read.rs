@@ -21,7 +21,7 @@ use std::sync::Arc;
 use glam::{DMat4, DVec2, DVec3};
 
 use super::assemble::{self, TexcoordPool};
-use super::gltf_document::{Document, Primitive, TextureUse};
+use super::gltf_document::{Document, Primitive};
 use super::gltf_nodes::{Placed, global_transforms, placed_meshes};
 use super::gltf_pose::Pose;
 use super::gltf_scene::{GltfScene, Part};
@@ -33,8 +33,8 @@ use crate::geometry::{Corner, MeshBuilder, NONE, weld};
 /// Reads a `.gltf` or `.glb` file with its buffers. O(file size) time and memory.
 ///
 /// # Errors
-/// [`crate::Error::Io`], or [`crate::Error::Format`]: damaged data, a compressed mesh, an extension
-/// that is required and not known, no triangles.
+/// [`crate::Error::Io`], or [`crate::Error::Format`]: damaged data, an extension that is required and
+/// not known, no triangles.
 pub fn read_gltf(path: impl AsRef<Path>) -> Result<LoadedMesh> {
     read_gltf_with(path.as_ref(), &ReadOptions::default())
 }
@@ -145,23 +145,15 @@ impl SceneReader<'_> {
     fn vertices(&mut self, placed: &Placed, primitive: usize, positions: usize) -> Result<()> {
         let document = self.document;
         let data = &document.root.meshes[placed.mesh].primitives[primitive];
-        let compressed = data.extensions.keys().find(|name| name.contains("draco"));
-        let accessor = document.accessor(positions)?;
-        if let Some(name) = compressed.filter(|_| accessor.buffer_view.is_none()) {
-            return Err(document.unread_extension(name));
-        }
-        let count = accessor.count;
+        let count = document.accessor(positions)?.count;
         let stored = document.vectors(positions, count)?;
         self.spend(count)?;
         let pose = Pose::new(document, &self.globals, placed.node, data, count, &mut self.notes)?;
         let first_vertex = self.builder.mesh.positions.len();
         self.builder.mesh.positions.extend(stored.iter().enumerate().map(|(v, &p)| pose.place(v, p)));
-        let texture = data.material.and_then(|m| document.root.materials.get(m));
-        let texture = texture.and_then(|m| m.pbr_metallic_roughness.as_ref()?.base_color_texture.as_ref());
-        let placement = match self.uv_set {
-            Some(set) => Placement { set },
-            None => Placement::of(texture),
-        };
+        let material = data.material.and_then(|m| document.root.materials.get(m));
+        let set = self.uv_set.unwrap_or_else(|| material.map_or(0, gltf_materials::base_set));
+        let placement = Placement { set };
         if let Some(colors) = gltf_colors::read(document, data)? {
             // Vertices of primitives without colours are white.
             self.builder.mesh.colors.resize(first_vertex, [1.0; 4]);
@@ -292,10 +284,6 @@ pub(super) struct Placement {
 }
 
 impl Placement {
-    fn of(texture: Option<&TextureUse>) -> Self {
-        Self { set: texture.map_or(0, TextureUse::set) }
-    }
-
     /// From glTF's v, which runs down from the top of the picture, to OBJ's, which runs up from the
     /// bottom.
     pub(super) fn apply(&self, uv: DVec2) -> DVec2 {
@@ -378,7 +366,7 @@ mod tests {
     #[test]
     fn faults_are_named() {
         for (pointer, new, expected) in [
-            ("/extensionsRequired", json!(["KHR_draco_mesh_compression"]), "compressed"),
+            ("/extensionsRequired", json!(["KHR_texture_basisu"]), "ktxdecompress"),
             ("/extensionsRequired", json!(["VENDOR_thing"]), "VENDOR_thing"),
             ("/nodes/0/mesh", json!(7), "no mesh 7"),
             ("/nodes/0/children", json!([0]), "two parents"),
