@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 
 use super::gltf_components::{Components, normal_change};
 use super::gltf_parts::{ARRAY, FLOAT, Parts, UNSIGNED_INT};
+use super::gltf_scene::GltfScene;
 use super::gltf_split::{Split, SplitVertex, vertex_normals};
 use super::gltf_write::{GlbMaterial, glb_with};
 use super::output;
@@ -100,6 +101,69 @@ pub fn animated_glb_bytes(
     materials: &[GlbMaterial],
     animation: &GlbAnimation<'_>,
 ) -> Result<(Vec<u8>, GlbAnimationReport)> {
+    let (targets, components) = morph_targets(mesh, animation)?;
+    let rest = vertex_normals(mesh, &mesh.positions);
+    let write = |split: &Split, out: &mut Parts| {
+        let all = targets.shapes.iter().zip(&targets.normals);
+        let target = |(shape, normals): (&Vec<Vec3>, &Vec<Vec3>)| {
+            // Joined vertices move with the one that stands for them.
+            let moved = |v: &SplitVertex| shape[mesh.representative(v.vertex) as usize];
+            let turned = |v: &SplitVertex| {
+                let r = mesh.representative(v.vertex) as usize;
+                turned(v.normal, rest[r].as_vec3(), normals[r])
+            };
+            let (shape, normals): (Vec<_>, Vec<_>) = split.vertices.iter().map(|v| (moved(v), turned(v))).unzip();
+            json!({"POSITION": displacements(&shape, true, out), "NORMAL": displacements(&normals, false, out)})
+        };
+        Ok(all.map(target).collect())
+    };
+    let finish = |root: &mut Value, out: &mut Parts| channels(animation, &targets, root, out);
+    let bytes = glb_with(mesh, materials, write, finish)?;
+    let report = GlbAnimationReport {
+        targets: targets.shapes.len(),
+        components,
+        largest_error: targets.error,
+        bytes: bytes.len(),
+    };
+    Ok((bytes, report))
+}
+
+/// The bytes of the file that `mesh` was read from, with the animation added: the meshes get morph
+/// targets behind those that they have, and all else stays. Also what the user should know of it.
+///
+/// Placements become part of the shapes: the mesh may hang on any nodes and joints.
+///
+/// # Errors
+/// As [`write_animated_glb`]; [`Error::Mesh`] for another mesh, [`Error::Format`] for damage.
+pub fn animated_scene_bytes(
+    scene: &GltfScene,
+    mesh: &Mesh,
+    animation: &GlbAnimation<'_>,
+) -> Result<(Vec<u8>, Vec<String>, GlbAnimationReport)> {
+    check(mesh, animation)?;
+    let placed = |(frame, (turn, shift)): (&Vec<Vec3>, &(DQuat, DVec3))| -> Vec<Vec3> {
+        frame.iter().map(|p| (*turn * p.as_dvec3() + *shift).as_vec3()).collect()
+    };
+    let frames: Vec<Vec<Vec3>> = animation.frames.iter().zip(animation.placements).map(placed).collect();
+    let animation = match animation.placements {
+        [] => *animation,
+        _ => GlbAnimation { frames: &frames, placements: &[], ..*animation },
+    };
+    let (targets, components) = morph_targets(mesh, &animation)?;
+    let mut edit = scene.edit();
+    edit.frames(mesh, &animation, &targets)?;
+    let (bytes, notes) = edit.finish()?;
+    let report = GlbAnimationReport {
+        targets: targets.shapes.len(),
+        components,
+        largest_error: targets.error,
+        bytes: bytes.len(),
+    };
+    Ok((bytes, notes, report))
+}
+
+/// The frames as morph targets, and whether they are components.
+fn morph_targets(mesh: &Mesh, animation: &GlbAnimation<'_>) -> Result<(Components, bool)> {
     check(mesh, animation)?;
     let (n, count) = (mesh.vertex_count(), animation.frames.len());
     let few = count <= FEW && count.saturating_mul(n).saturating_mul(VERTEX) <= SMALL;
@@ -124,35 +188,12 @@ pub fn animated_glb_bytes(
         }
         None => every_frame(mesh, animation.frames),
     };
-    let rest = vertex_normals(mesh, &mesh.positions);
-    let write = |split: &Split, out: &mut Parts| {
-        let all = targets.shapes.iter().zip(&targets.normals);
-        let target = |(shape, normals): (&Vec<Vec3>, &Vec<Vec3>)| {
-            // Joined vertices move with the one that stands for them.
-            let moved = |v: &SplitVertex| shape[mesh.representative(v.vertex) as usize];
-            let turned = |v: &SplitVertex| {
-                let r = mesh.representative(v.vertex) as usize;
-                turned(v.normal, rest[r].as_vec3(), normals[r])
-            };
-            let (shape, normals): (Vec<_>, Vec<_>) = split.vertices.iter().map(|v| (moved(v), turned(v))).unzip();
-            json!({"POSITION": displacements(&shape, true, out), "NORMAL": displacements(&normals, false, out)})
-        };
-        Ok(all.map(target).collect())
-    };
-    let finish = |root: &mut Value, out: &mut Parts| channels(animation, &targets, root, out);
-    let bytes = glb_with(mesh, materials, write, finish)?;
-    let report = GlbAnimationReport {
-        targets: targets.shapes.len(),
-        components: tolerance.is_some(),
-        largest_error: targets.error,
-        bytes: bytes.len(),
-    };
-    Ok((bytes, report))
+    Ok((targets, tolerance.is_some()))
 }
 
 /// The change of a corner's `normal` where the smooth one of its vertex changes from `rest` by
 /// `change`: both turn by the same least rotation.
-fn turned(normal: Vec3, rest: Vec3, change: Vec3) -> Vec3 {
+pub(super) fn turned(normal: Vec3, rest: Vec3, change: Vec3) -> Vec3 {
     let after = (rest + change).try_normalize();
     match after.filter(|_| normal.distance_squared(rest) > 1e-10) {
         Some(after) => Quat::from_rotation_arc(rest, after) * normal - normal,
@@ -221,8 +262,20 @@ fn every_frame(mesh: &Mesh, frames: &[Vec<Vec3>]) -> Components {
     Components { shapes, normals, weights, error: f64::from(error) }
 }
 
-/// An accessor of displacements: sparse where that is smaller.
+/// An accessor of displacements.
 fn displacements(values: &[Vec3], bounds: bool, out: &mut Parts) -> usize {
+    let accessor = displacement_accessor(values, bounds, &mut |bytes, target| out.view(bytes, target));
+    out.accessors.push(accessor);
+    out.accessors.len() - 1
+}
+
+/// The description of an accessor of displacements, sparse where that is smaller; `view` makes the
+/// buffer views.
+pub(super) fn displacement_accessor(
+    values: &[Vec3],
+    bounds: bool,
+    view: &mut dyn FnMut(&[u8], Option<u32>) -> usize,
+) -> Value {
     let mut moved: Vec<u32> = (0..values.len() as u32).filter(|&v| values[v as usize] != Vec3::ZERO).collect();
     if moved.is_empty() {
         // One zero at vertex 0: not all readers take an accessor that refers to nothing.
@@ -233,11 +286,11 @@ fn displacements(values: &[Vec3], bounds: bool, out: &mut Parts) -> usize {
         picked.flat_map(|p| p.to_array()).flat_map(f32::to_le_bytes).collect()
     };
     if 4 * moved.len() >= 3 * values.len() {
-        accessor["bufferView"] = out.view(&bytes(&mut values.iter().copied()), Some(ARRAY)).into();
+        accessor["bufferView"] = view(&bytes(&mut values.iter().copied()), Some(ARRAY)).into();
     } else {
         let indices: Vec<u8> = moved.iter().flat_map(|v| v.to_le_bytes()).collect();
-        let indices = out.view(&indices, None);
-        let picked = out.view(&bytes(&mut moved.iter().map(|&v| values[v as usize])), None);
+        let indices = view(&indices, None);
+        let picked = view(&bytes(&mut moved.iter().map(|&v| values[v as usize])), None);
         accessor["sparse"] = json!({
             "count": moved.len(),
             "indices": {"bufferView": indices, "componentType": UNSIGNED_INT},
@@ -250,8 +303,7 @@ fn displacements(values: &[Vec3], bounds: bool, out: &mut Parts) -> usize {
         accessor["min"] = json!(low.to_array());
         accessor["max"] = json!(high.to_array());
     }
-    out.accessors.push(accessor);
-    out.accessors.len() - 1
+    accessor
 }
 
 /// The animation itself.

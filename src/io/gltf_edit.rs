@@ -177,15 +177,6 @@ impl<'a> Edit<'a> {
         Ok(k)
     }
 
-    /// Removes the compressed copy of a primitive that is changed.
-    pub(super) fn drop_draco(&mut self, mesh: usize, primitive: usize) {
-        let name = "KHR_draco_mesh_compression";
-        drop_extension(self.primitive(mesh, primitive), name);
-        if !self.json["meshes"].to_string().contains(name) {
-            self.forget_extension(name);
-        }
-    }
-
     /// The view, offset and stride of an accessor of `width` bytes an element in single precision,
     /// if nothing else has a part in its bytes.
     fn own_bytes(&self, k: usize, width: usize) -> Result<Option<(usize, usize, usize)>> {
@@ -217,7 +208,12 @@ impl<'a> Edit<'a> {
     /// The bytes of the file, and the notes.
     pub(super) fn finish(mut self) -> Result<(Vec<u8>, Vec<String>)> {
         self.embed_pictures();
-        self.drop_compression();
+        if !self.document.compression.is_empty() {
+            let names = self.document.compression.join(", ");
+            self.notes.push(format!(
+                "what is written is not compressed, as its input was ({names}): gltfpack or gltf-transform does so again"
+            ));
+        }
         self.drop_unused_views();
         let of_file = |content: &Content| match content {
             Content::File(k) => Some(*k),
@@ -261,13 +257,17 @@ impl<'a> Edit<'a> {
         Ok((container(&name, self.json.to_string().into_bytes(), &binary)?, self.notes))
     }
 
-    /// Takes pictures that are files of their own into the file: the output may stand elsewhere.
+    /// Takes pictures that are files of their own, or text, into the file: the output may stand
+    /// elsewhere, and has a place for bytes.
     fn embed_pictures(&mut self) {
         for k in 0..self.document.root.images.len() {
-            let Some(uri) = self.json["images"][k]["uri"].as_str().filter(|uri| !uri.starts_with("data:")) else {
-                continue;
+            let Some(uri) = self.json["images"][k]["uri"].as_str() else { continue };
+            let bytes = match self.document.root.images.iter().position(|i| i.uri.as_deref() == Some(uri)) {
+                Some(image) if uri.starts_with("data:") => {
+                    self.document.embedded_image(image).map(|bytes| bytes.unwrap_or_default().to_vec())
+                }
+                _ => self.document.file(uri).and_then(|file| super::source::read_all(file.path())),
             };
-            let bytes = self.document.file(uri).and_then(|file| super::source::read_all(file.path()));
             let bytes = match bytes {
                 Ok(bytes) => bytes,
                 Err(error) => {
@@ -281,33 +281,6 @@ impl<'a> Edit<'a> {
                 image.remove("uri");
                 image.insert("bufferView".to_owned(), view.into());
                 image.insert("mimeType".to_owned(), kind.into());
-            }
-        }
-    }
-
-    /// Removes compressed copies of buffer views: what is written is uncompressed.
-    fn drop_compression(&mut self) {
-        let names = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
-        for view in list_of(&mut self.json, "bufferViews") {
-            for name in names {
-                drop_extension(view, name);
-            }
-        }
-        for name in names {
-            self.forget_extension(name);
-        }
-    }
-
-    /// Takes an extension off the lists of those in use.
-    pub(super) fn forget_extension(&mut self, name: &str) {
-        for list in ["extensionsUsed", "extensionsRequired"] {
-            if let Some(names) = self.json.get_mut(list).and_then(Value::as_array_mut) {
-                names.retain(|n| n != name);
-                if names.is_empty()
-                    && let Some(root) = self.json.as_object_mut()
-                {
-                    root.remove(list);
-                }
             }
         }
     }
@@ -334,6 +307,20 @@ impl<'a> Edit<'a> {
                 *value = new.into();
             }
         });
+    }
+}
+
+/// Takes an extension off the lists of those that a document uses.
+pub(super) fn forget_extension(json: &mut Value, name: &str) {
+    for list in ["extensionsUsed", "extensionsRequired"] {
+        if let Some(names) = json.get_mut(list).and_then(Value::as_array_mut) {
+            names.retain(|n| n != name);
+            if names.is_empty()
+                && let Some(root) = json.as_object_mut()
+            {
+                root.remove(list);
+            }
+        }
     }
 }
 

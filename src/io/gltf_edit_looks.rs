@@ -1,15 +1,15 @@
 //! New materials for the meshes of a scene: those of the file with the textures that are new, and
 //! what goes with them.
 
-use std::collections::{BTreeMap, HashMap, VecDeque};
-use std::sync::Arc;
+use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
 
-use super::gltf_edit::{Edit, drop_extension, list_of, picture_kind};
-use super::gltf_edit_uv::{Coordinates, set_indices, textures};
+use super::gltf_edit::{Edit, drop_extension, forget_extension, list_of};
+use super::gltf_edit_pictures::{Pictures, drop_pictures, texture_users};
+use super::gltf_edit_uv::{Coordinates, set_indices};
+use super::gltf_look::{GlbMaterial, declare_transform, look, transform};
 use super::gltf_scene::GltfScene;
-use super::gltf_write::{GlbMaterial, look, repeating};
 
 /// A new material: which entry of the list, on which of the file, and where its textures lie.
 #[derive(Clone, PartialEq)]
@@ -76,7 +76,6 @@ pub(super) fn set_materials(
             }
             if split {
                 set_indices(edit, part.mesh, place, if g == 0 { old } else { None }, &group.triangles);
-                edit.drop_draco(part.mesh, place);
             }
             if let Some(dress) = group.dress {
                 edit.primitive(part.mesh, place)["material"] = numbers[dress].into();
@@ -130,20 +129,24 @@ fn install(edit: &mut Edit<'_>, dresses: &[Dress], plan: &[Vec<Group>], material
         }
     }
     let after = texture_users(&edit.json);
-    let mut pictures = Pictures {
-        free: before.keys().filter(|k| !after.contains_key(*k)).copied().collect(),
-        known: HashMap::new(),
-        reused: Vec::new(),
-    };
+    let mut pictures = Pictures::new(before.keys().filter(|k| !after.contains_key(*k)).copied().collect());
     for (dress, &number) in dresses.iter().zip(&numbers) {
         let new = &materials[dress.entry];
-        let fresh = look(new, &mut |bytes| {
+        let fresh = look(new, &mut |picture| {
             let mut info = dress.place.clone();
-            info["index"] = pictures.texture(edit, bytes).into();
+            info["index"] = pictures.texture(edit, picture).into();
+            if let Some(transform) = transform(&picture.placement) {
+                info["extensions"] = transform;
+                declare_transform(&mut edit.json);
+            }
             info
         });
         let description = &mut edit.json["materials"][number];
         if description.is_null() { *description = fresh } else { merge(description, fresh, new) }
+    }
+    drop_pictures(edit, &before.into_keys().collect::<Vec<_>>());
+    if !edit.json["materials"].to_string().contains(GLOSSINESS) {
+        forget_extension(&mut edit.json, GLOSSINESS);
     }
     numbers
 }
@@ -166,19 +169,6 @@ fn material_users(json: &Value) -> BTreeMap<usize, usize> {
     }
     let mut users = BTreeMap::new();
     count(&json["meshes"], &mut users);
-    users
-}
-
-/// References to each texture by materials.
-fn texture_users(json: &Value) -> BTreeMap<usize, usize> {
-    let mut users = BTreeMap::new();
-    for material in json["materials"].as_array().into_iter().flatten() {
-        textures(material, "", &mut |_, info| {
-            if let Some(k) = info["index"].as_u64() {
-                *users.entry(k as usize).or_default() += 1;
-            }
-        });
-    }
     users
 }
 
@@ -209,7 +199,23 @@ fn strip(old: &mut Value, new: &GlbMaterial) {
         }
     }
     if new.texture.is_some() {
-        drop_extension(old, "KHR_materials_pbrSpecularGlossiness");
+        drop_glossiness(old);
+    }
+}
+
+/// The name of an older model of materials.
+const GLOSSINESS: &str = "KHR_materials_pbrSpecularGlossiness";
+
+/// Takes the older model of a material off it: the diffuse colour of that is no metal, and as rough
+/// as it is not glossy.
+fn drop_glossiness(old: &mut Value) {
+    let Some(glossy) = old.get("extensions").and_then(|e| e.get(GLOSSINESS)) else { return };
+    let roughness = 1.0 - glossy["glossinessFactor"].as_f64().unwrap_or(1.0);
+    drop_extension(old, GLOSSINESS);
+    old["pbrMetallicRoughness"]["metallicFactor"] = 0.0.into();
+    old["pbrMetallicRoughness"]["roughnessFactor"] = roughness.into();
+    if let Some(pbr) = old["pbrMetallicRoughness"].as_object_mut() {
+        pbr.remove("metallicRoughnessTexture");
     }
 }
 
@@ -242,74 +248,4 @@ fn merge(old: &mut Value, mut fresh: Value, new: &GlbMaterial) {
             _ => {}
         }
     }
-}
-
-/// The pictures that are written.
-struct Pictures {
-    /// Textures that nothing uses any more.
-    free: VecDeque<usize>,
-    /// The texture of each picture.
-    known: HashMap<Arc<[u8]>, usize>,
-    /// Images whose place was taken.
-    reused: Vec<usize>,
-}
-
-impl Pictures {
-    /// The number of the texture with this picture, written once.
-    fn texture(&mut self, edit: &mut Edit<'_>, bytes: &Arc<[u8]>) -> usize {
-        if let Some(&k) = self.known.get(bytes) {
-            return k;
-        }
-        let view = edit.view(bytes.to_vec(), None, None);
-        let image = json!({"bufferView": view, "mimeType": picture_kind(bytes)});
-        let free = self.free.pop_front();
-        let place = free.and_then(|t| self.free_image(edit, t));
-        let images = list_of(&mut edit.json, "images");
-        let source = match place {
-            Some(k) => {
-                images[k] = image;
-                self.reused.push(k);
-                k
-            }
-            None => {
-                images.push(image);
-                images.len() - 1
-            }
-        };
-        let samplers = list_of(&mut edit.json, "samplers");
-        let sampler = samplers.iter().position(|s| *s == repeating()).unwrap_or_else(|| {
-            samplers.push(repeating());
-            samplers.len() - 1
-        });
-        let texture = json!({"sampler": sampler, "source": source});
-        let list = list_of(&mut edit.json, "textures");
-        let k = match free.filter(|&k| k < list.len()) {
-            Some(k) => {
-                list[k] = texture;
-                k
-            }
-            None => {
-                list.push(texture);
-                list.len() - 1
-            }
-        };
-        self.known.insert(bytes.clone(), k);
-        k
-    }
-
-    /// The image of a texture that nothing uses, if no other texture has it.
-    fn free_image(&self, edit: &Edit<'_>, texture: usize) -> Option<usize> {
-        let textures = edit.json["textures"].as_array()?;
-        let source = textures.get(texture)?["source"].as_u64()?;
-        let image = source as usize;
-        let users = textures.iter().filter(|t| uses_image(t, source)).count();
-        let there = image < edit.json["images"].as_array()?.len();
-        (users == 1 && there && !self.reused.contains(&image)).then_some(image)
-    }
-}
-
-/// Whether a texture shows an image, in whatever encoding.
-fn uses_image(texture: &Value, image: u64) -> bool {
-    let mut encoded = texture["extensions"].as_object().into_iter().flatten();
-    texture["source"].as_u64() == Some(image) || encoded.any(|(_, e)| e["source"].as_u64() == Some(image))
 }

@@ -40,7 +40,6 @@ pub(super) fn set_shape(edit: &mut Edit<'_>, scene: &GltfScene, mesh: &Mesh) -> 
             let values = before.positions(new, mesh, part, &mut lost)?;
             let k = edit.floats(Some(accessor), &values, "VEC3", true)?;
             edit.primitive(part.mesh, part.primitive)["attributes"]["POSITION"] = k.into();
-            edit.drop_draco(part.mesh, part.primitive);
         }
         if let (Some(first), Some(&accessor)) = (part.first_normal, primitive.attributes.get("NORMAL")) {
             let new = &mesh.normals[first..first + part.vertices];

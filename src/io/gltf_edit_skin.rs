@@ -204,7 +204,6 @@ fn stand(edit: &mut Edit<'_>, scene: &GltfScene, part: &Part, globals: &[DMat4])
             edit.primitive(part.mesh, part.primitive)["targets"][t][name] = k.into();
         }
     }
-    edit.drop_draco(part.mesh, part.primitive);
     Ok(DMat4::IDENTITY)
 }
 
@@ -281,7 +280,6 @@ impl Influences {
                 |name: &str| name.strip_prefix("JOINTS_").or(name.strip_prefix("WEIGHTS_"))?.parse::<usize>().ok();
             attributes.retain(|name, _| set(name).is_none_or(|set| set < self.sets));
         }
-        edit.drop_draco(part.mesh, part.primitive);
     }
 
     fn notes(&self) -> Vec<String> {

@@ -199,7 +199,6 @@ impl Split {
         }
         let k = edit.floats(primitive.attributes.get(&name).copied(), self.texcoords.as_flattened(), "VEC2", false)?;
         edit.primitive(part.mesh, part.primitive)["attributes"][&name] = k.into();
-        edit.drop_draco(part.mesh, part.primitive);
         Ok(())
     }
 

@@ -14,6 +14,17 @@ use crate::Result;
 use crate::geometry::material::{AlphaMode, BASE_COLOR, Look, RoleTexture, TextureContent};
 use crate::geometry::material::{Material, Placement, Wrap};
 
+/// The set of texture coordinates that the base colour of a material uses; the first without a
+/// picture of it.
+pub(super) fn base_set(data: &MaterialData) -> usize {
+    let pbr = || data.pbr_metallic_roughness.as_ref()?.base_color_texture.as_ref().map(TextureUse::set);
+    match SpecularGlossiness::of(data) {
+        Some(glossy) => glossy.diffuse_texture.as_ref().map(TextureUse::set),
+        None => pbr(),
+    }
+    .unwrap_or(0)
+}
+
 /// All materials, in file order. Textures of other sets of texture coordinates than the base
 /// colour's cannot be carried and are left out.
 pub(super) fn read(document: &Document, notes: &mut Notes) -> Result<Vec<Material>> {
@@ -58,13 +69,15 @@ fn material(
         ("occlusion", data.occlusion_texture.as_ref()),
         ("emissive", data.emissive_texture.as_ref()),
     ];
-    // The mesh's one set of texture coordinates: the base colour's, or the first without one.
-    let set = base.map_or(0, TextureUse::set);
+    // The mesh's one set of texture coordinates.
+    let set = base_set(data);
     for (role, used) in others.into_iter().filter_map(|(role, used)| used.map(|u| (role, u))) {
         if used.set() != set {
             notes.say(format!(
-                "material {:?}: its {role} texture has texture coordinates of its own and is left out",
-                material.name
+                "material {:?}: its {role} texture lies on another set of texture coordinates ({}) than its base colour ({set}) and is \
+                 not read",
+                material.name,
+                used.set()
             ));
             continue;
         }

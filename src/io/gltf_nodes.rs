@@ -25,6 +25,16 @@ pub(super) fn placed_meshes(document: &Document, notes: &mut Notes) -> Result<Ve
             users.push(index);
         }
     }
+    let hidden: Vec<usize> = (0..users.len()).filter(|&m| users[m].is_empty()).collect();
+    if let (false, true) = (hidden.is_empty(), hidden.len() < users.len()) {
+        let name = |m: &usize| match &root.meshes[*m].name {
+            Some(name) => format!("{:?}", super::obj::shortened(name)),
+            None => m.to_string(),
+        };
+        let listed: Vec<String> = hidden.iter().take(5).map(name).collect();
+        let more = if hidden.len() > 5 { " ..." } else { "" };
+        notes.say(format!("meshes that are not in the scene that is shown are not read: {}{more}", listed.join(", ")));
+    }
     let mut placed = Vec::new();
     for (mesh, users) in users.iter().enumerate() {
         let Some((&node, others)) = users.split_first() else { continue };

@@ -128,7 +128,7 @@ fn normal_matrix(matrix: &DMat4) -> DMat3 {
 }
 
 /// The weights of morph targets in the default state: the node's, else the mesh's.
-fn default_weights(document: &Document, node: usize) -> Vec<f64> {
+pub(super) fn default_weights(document: &Document, node: usize) -> Vec<f64> {
     let node = &document.root.nodes[node];
     let mesh = node.mesh.and_then(|m| document.root.meshes.get(m));
     let weights = node.weights.as_ref().or(mesh.and_then(|m| m.weights.as_ref()));

@@ -3,14 +3,17 @@
 
 use glam::DVec3;
 
+use super::gltf_animation::GlbAnimation;
+use super::gltf_components::Components;
 use super::gltf_document::Document;
 use super::gltf_edit::Edit;
+use super::gltf_edit_frames::set_frames;
 use super::gltf_edit_looks::set_materials;
 use super::gltf_edit_shape::set_shape;
 use super::gltf_edit_skin::set_skin;
 use super::gltf_edit_uv::set_texcoords;
+use super::gltf_look::GlbMaterial;
 use super::gltf_read::Placement;
-use super::gltf_write::GlbMaterial;
 use crate::geometry::Mesh;
 use crate::geometry::material::BASE_COLOR;
 use crate::{Error, Result};
@@ -70,6 +73,17 @@ impl GltfScene {
         SceneEdit { scene: self, edit: Edit::new(&self.document) }
     }
 
+    /// What the file has beside its meshes and materials that formats of plain meshes have no place
+    /// for, as words; nothing where there is none of it.
+    pub fn beside_the_mesh(&self) -> Option<String> {
+        let some = |list: &str| self.document.json[list].as_array().is_some_and(|l| !l.is_empty());
+        let meshes = &self.document.root.meshes;
+        let morphs = self.parts.iter().any(|p| !meshes[p.mesh].primitives[p.primitive].targets.is_empty());
+        let what = [("skins", some("skins")), ("morph targets", morphs), ("animations", some("animations"))];
+        let names: Vec<&str> = what.into_iter().filter(|w| w.1).map(|w| w.0).collect();
+        (!names.is_empty()).then(|| names.join(", "))
+    }
+
     /// The largest extent of the stored positions of a primitive, in the units of the scene,
     /// roughly.
     pub(super) fn size(&self) -> Result<f64> {
@@ -88,10 +102,20 @@ impl GltfScene {
 
     /// Fails unless `mesh` has the vertices and triangles of the scene.
     fn check(&self, mesh: &Mesh) -> Result<()> {
+        self.check_vertices(mesh)?;
+        let normals = self.parts.iter().filter_map(|p| Some(p.first_normal? + p.vertices)).max().unwrap_or(0);
+        if mesh.normals.len() >= normals {
+            return Ok(());
+        }
+        let what = format!("{} normals are not the {normals} of the file", mesh.normals.len());
+        Err(Error::mesh(&mesh.name, what, "Give the mesh that was read from the file"))
+    }
+
+    /// As [`GltfScene::check`], whatever normals there are.
+    fn check_vertices(&self, mesh: &Mesh) -> Result<()> {
         let (vertices, triangles) =
             self.parts.last().map_or((0, 0), |p| (p.first_vertex + p.vertices, p.first_triangle + p.triangles));
-        let normals = self.parts.iter().filter_map(|p| Some(p.first_normal? + p.vertices)).max().unwrap_or(0);
-        if mesh.vertex_count() == vertices && mesh.triangle_count() == triangles && mesh.normals.len() >= normals {
+        if mesh.vertex_count() == vertices && mesh.triangle_count() == triangles {
             return Ok(());
         }
         let what = format!(
@@ -113,6 +137,12 @@ impl SceneEdit<'_> {
     pub fn shape(&mut self, mesh: &Mesh) -> Result<()> {
         self.scene.check(mesh)?;
         set_shape(&mut self.edit, self.scene, mesh)
+    }
+
+    /// Morph targets behind those that the meshes have, and an animation that plays them.
+    pub(super) fn frames(&mut self, mesh: &Mesh, animation: &GlbAnimation<'_>, targets: &Components) -> Result<()> {
+        self.scene.check_vertices(mesh)?;
+        set_frames(&mut self.edit, self.scene, mesh, animation, targets)
     }
 
     /// Texture coordinates are those of `mesh`, the one that was read from the file with other
@@ -172,5 +202,5 @@ impl SceneEdit<'_> {
 }
 
 #[cfg(test)]
-#[path = "gltf_scene_tests.rs"]
+#[path = "gltf_scene_tests/mod.rs"]
 mod tests;

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 
 use super::gltf_parts::{ARRAY, ELEMENTS, FLOAT, Parts, UNSIGNED_INT};
 use crate::geometry::{Mesh, NONE};
+use crate::raster::srgb_to_linear;
 use crate::{Error, Result};
 
 /// A vertex that is written.
@@ -52,8 +53,17 @@ impl Split {
         split
     }
 
-    /// The description of the primitive; its positions are relative to `origin`.
-    pub(super) fn write(&self, mesh: &Mesh, origin: DVec3, out: &mut Parts) -> Result<Value> {
+    /// The description of the primitive; its positions are relative to `origin`. With `pictured` it
+    /// has texture coordinates where the mesh has none, too: pictures need some. With `colored` it
+    /// has the colours of the mesh's vertices.
+    pub(super) fn write(
+        &self,
+        mesh: &Mesh,
+        origin: DVec3,
+        pictured: bool,
+        colored: bool,
+        out: &mut Parts,
+    ) -> Result<Value> {
         let mut bytes = Vec::with_capacity(12 * self.vertices.len());
         let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
         for &SplitVertex { vertex, .. } in &self.vertices {
@@ -78,7 +88,7 @@ impl Split {
         }
         let normals = out.accessor(&bytes, ARRAY, FLOAT, count, "VEC3");
         let mut attributes = json!({"POSITION": positions, "NORMAL": normals});
-        if self.textured {
+        if self.textured || pictured {
             bytes.clear();
             for v in &self.vertices {
                 let uv = mesh.texcoords.get(v.texcoord as usize).copied().unwrap_or(DVec2::ZERO);
@@ -89,9 +99,27 @@ impl Split {
             }
             attributes["TEXCOORD_0"] = out.accessor(&bytes, ARRAY, FLOAT, count, "VEC2").into();
         }
+        if colored {
+            attributes["COLOR_0"] = self.colors(mesh, out).into();
+        }
         let bytes: Vec<u8> = self.indices.iter().flat_map(|i| i.to_le_bytes()).collect();
         let indices = out.accessor(&bytes, ELEMENTS, UNSIGNED_INT, self.indices.len(), "SCALAR");
         Ok(json!({"attributes": attributes, "indices": indices}))
+    }
+
+    /// An accessor of the colours of the vertices: light (glTF 2.0, section 3.7.2.1), with opacity
+    /// where some are not opaque.
+    fn colors(&self, mesh: &Mesh, out: &mut Parts) -> usize {
+        let of = |v: &SplitVertex| mesh.colors.get(v.vertex as usize).copied().unwrap_or([1.0; 4]);
+        let opaque = self.vertices.iter().all(|v| of(v)[3] >= 1.0);
+        let width = if opaque { 3 } else { 4 };
+        let light = |v: &SplitVertex| {
+            let [r, g, b, a] = of(v).map(|x| if x.is_finite() { x.clamp(0.0, 1.0) } else { 1.0 });
+            let [r, g, b] = [r, g, b].map(srgb_to_linear);
+            [r, g, b, a].into_iter().take(width).flat_map(f32::to_le_bytes)
+        };
+        let bytes: Vec<u8> = self.vertices.iter().flat_map(light).collect();
+        out.accessor(&bytes, ARRAY, FLOAT, self.vertices.len(), if opaque { "VEC3" } else { "VEC4" })
     }
 }
 

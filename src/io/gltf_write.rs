@@ -1,6 +1,5 @@
 //! Writing a mesh as GLB, ready to view.
 
-use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -8,29 +7,15 @@ use glam::DVec3;
 use serde_json::{Value, json};
 
 use super::gltf_container::container;
+use super::gltf_look::{Pictures, look};
 use super::gltf_parts::Parts;
 use super::gltf_scene::GltfScene;
 use super::gltf_split::{Split, origin, vertex_normals};
 use super::output;
-use crate::geometry::material::{AlphaMode, BASE_COLOR, Look, TextureContent};
-use crate::geometry::{Material, Mesh, NONE};
+use crate::geometry::{Mesh, NONE};
 use crate::{Error, Result};
 
-/// The look of a part of a model.
-#[derive(Clone, Debug, Default)]
-pub struct GlbMaterial {
-    /// Its name.
-    pub name: String,
-    /// Base colour factor, RGBA, linear; multiplied with the texture.
-    pub base_color: [f32; 4],
-    /// Base colour texture as the bytes of a PNG or JPEG file.
-    pub texture: Option<Arc<[u8]>>,
-    /// Textures in other roles: `metallic_roughness`, `normal`, `occlusion` or `emissive`, as the
-    /// bytes of a PNG or JPEG file. Textures that several materials share are written once.
-    pub textures: Vec<(String, Arc<[u8]>)>,
-    /// Factors, and how opacity is used.
-    pub look: Look,
-}
+pub use super::gltf_look::{GlbMaterial, GlbTexture, own_materials};
 
 /// Writes `mesh` as a binary glTF 2.0 file.
 ///
@@ -57,38 +42,6 @@ pub fn glb_with_materials(mesh: &Mesh, materials: &[GlbMaterial], material_of: &
     let of = |t: usize| material_of.get(t).copied().unwrap_or(NONE);
     glb_of(mesh, materials, of, |_, _| Ok(Vec::new()), |_, _| {})
 }
-
-/// The materials that `mesh` itself names, with the textures that the format has a place for: PNG
-/// and JPEG files as they are, others as PNG.
-///
-/// # Errors
-/// As [`super::read_image`].
-pub fn own_materials(mesh: &Mesh) -> Result<Vec<GlbMaterial>> {
-    let bytes = |content: TextureContent| -> Result<Arc<[u8]>> {
-        let (content, name): (Arc<[u8]>, _) = match content {
-            TextureContent::Embedded(bytes) => (bytes, mesh.name.clone()),
-            TextureContent::File(path) => (super::source::read_all(&path)?.into(), path.display().to_string()),
-        };
-        if content.starts_with(&[0xff, 0xd8]) || content.starts_with(b"\x89PNG") {
-            return Ok(content);
-        }
-        Ok(super::image_file::encode_png(&super::image_file::decode_image(&content, &name)?)?.into())
-    };
-    let material = |m: &Material| {
-        let others = m.textures.iter().filter(|t| ROLES.contains(&t.role.as_str()));
-        Ok(GlbMaterial {
-            name: m.name.clone(),
-            base_color: m.base_color,
-            texture: m.texture(BASE_COLOR).map(bytes).transpose()?,
-            textures: others.map(|t| Ok((t.role.clone(), bytes(t.content.clone())?))).collect::<Result<_>>()?,
-            look: Look { double_sided: true, ..m.look },
-        })
-    };
-    mesh.materials.iter().map(material).collect()
-}
-
-/// The roles beside the base colour that glTF has a place for.
-const ROLES: [&str; 4] = ["metallic_roughness", "normal", "occlusion", "emissive"];
 
 /// The bytes [`write_glb`] writes.
 ///
@@ -137,6 +90,8 @@ fn glb_of(
     let mut out = Parts::default();
     let normals = vertex_normals(mesh, &mesh.positions);
     let origin = origin(mesh);
+    // Colours of vertices multiply pictures, which have colours of their own.
+    let colored = !mesh.colors.is_empty() && !materials.iter().any(|m| m.texture.is_some());
     let mut primitives = Vec::new();
     for k in 0..materials.len().max(1) {
         let wanted = |t: usize| {
@@ -148,7 +103,8 @@ fn glb_of(
         if split.indices.is_empty() {
             continue;
         }
-        let mut primitive = split.write(mesh, origin, &mut out)?;
+        let pictured = materials.get(k).is_some_and(GlbMaterial::has_pictures);
+        let mut primitive = split.write(mesh, origin, pictured, colored, &mut out)?;
         let morphs = targets(&split, &mut out)?;
         if !morphs.is_empty() {
             primitive["targets"] = morphs.into();
@@ -162,7 +118,7 @@ fn glb_of(
         return Err(Error::mesh(&mesh.name, "there is no triangle to write", "Use a mesh with faces"));
     }
     let mut pictures = Pictures::default();
-    let looks: Vec<Value> = materials.iter().map(|m| look(m, &mut |bytes| pictures.texture(bytes, &mut out))).collect();
+    let looks: Vec<Value> = materials.iter().map(|m| look(m, &mut |t| pictures.reference(t, &mut out))).collect();
     let mut root = json!({
         "asset": {"version": "2.0", "generator": concat!("barymap ", env!("CARGO_PKG_VERSION"))},
         "scene": 0,
@@ -177,87 +133,12 @@ fn glb_of(
     if !looks.is_empty() {
         root["materials"] = looks.into();
     }
-    if !pictures.images.is_empty() {
-        root["textures"] = (0..pictures.images.len()).map(|k| json!({"source": k, "sampler": 0})).collect();
-        root["images"] = pictures.images.into();
-        // Repeating, with mip-maps: texture coordinates outside the unit square repeat as
-        // everywhere in this crate.
-        root["samplers"] = json!([repeating()]);
-    }
+    pictures.write(&mut root);
     finish(&mut root, &mut out);
     root["accessors"] = std::mem::take(&mut out.accessors).into();
     root["bufferViews"] = std::mem::take(&mut out.views).into();
     root["buffers"] = json!([{"byteLength": out.bytes.len()}]);
     container(&mesh.name, root.to_string().into_bytes(), &out.bytes)
-}
-
-/// The sampler of pictures that are written.
-pub(super) fn repeating() -> Value {
-    json!({"magFilter": 9729, "minFilter": 9987, "wrapS": 10497, "wrapT": 10497})
-}
-
-/// The pictures written so far.
-#[derive(Default)]
-struct Pictures {
-    images: Vec<Value>,
-    known: HashMap<Arc<[u8]>, usize>,
-}
-
-impl Pictures {
-    /// The reference to a picture, written once.
-    fn texture(&mut self, bytes: &Arc<[u8]>, out: &mut Parts) -> Value {
-        let index = *self.known.entry(bytes.clone()).or_insert_with(|| {
-            let kind = if bytes.starts_with(&[0xff, 0xd8]) { "image/jpeg" } else { "image/png" };
-            let view = out.view(bytes, None);
-            self.images.push(json!({"bufferView": view, "mimeType": kind}));
-            self.images.len() - 1
-        });
-        json!({"index": index})
-    }
-}
-
-/// The description of a material; `texture` gives the reference to a picture.
-pub(super) fn look(material: &GlbMaterial, texture: &mut dyn FnMut(&Arc<[u8]>) -> Value) -> Value {
-    let l = &material.look;
-    let unit = |x: f32| if x.is_finite() { x.clamp(0.0, 1.0) } else { 1.0 };
-    let mut pbr = json!({
-        "baseColorFactor": material.base_color,
-        "metallicFactor": unit(l.metallic),
-        "roughnessFactor": unit(l.roughness),
-    });
-    let mut value = json!({"name": material.name, "doubleSided": l.double_sided});
-    if let Some(bytes) = &material.texture {
-        pbr["baseColorTexture"] = texture(bytes);
-    }
-    for (role, bytes) in &material.textures {
-        match role.as_str() {
-            "metallic_roughness" => pbr["metallicRoughnessTexture"] = texture(bytes),
-            "normal" => {
-                value["normalTexture"] = texture(bytes);
-                value["normalTexture"]["scale"] = json!(l.normal_scale);
-            }
-            "occlusion" => {
-                value["occlusionTexture"] = texture(bytes);
-                value["occlusionTexture"]["strength"] = json!(unit(l.occlusion_strength));
-            }
-            "emissive" => value["emissiveTexture"] = texture(bytes),
-            // The format has no place for others.
-            _ => {}
-        }
-    }
-    value["pbrMetallicRoughness"] = pbr;
-    if l.emissive != [0.0; 3] {
-        value["emissiveFactor"] = json!(l.emissive.map(unit));
-    }
-    match l.alpha {
-        AlphaMode::Opaque => {}
-        AlphaMode::Mask(cutoff) => {
-            value["alphaMode"] = "MASK".into();
-            value["alphaCutoff"] = json!(cutoff.max(0.0));
-        }
-        AlphaMode::Blend => value["alphaMode"] = "BLEND".into(),
-    }
-    value
 }
 
 #[cfg(test)]

@@ -6,8 +6,7 @@ use std::time::Instant;
 use barymap::Result;
 use barymap::encoding::{Quality, SequenceQuality};
 use barymap::geometry::Mesh;
-use barymap::io::gltf_animation::animated_glb_bytes;
-use barymap::io::gltf_write::own_materials;
+
 use barymap::io::{GlbAnimation, MorphForm, Motion, read_markers, read_motion};
 use barymap::tools::animate::frames::{FrameFolder, FrameFormat, contact_sheet};
 use barymap::tools::animate::{
@@ -21,7 +20,7 @@ use serde_json::json;
 
 use crate::common::{Common, Session, Surface, check_outputs, usage};
 use crate::demo::from_rgba;
-use crate::model_file::write_glb;
+use crate::model_file::{warn_of_loss, write_animation};
 
 /// Frames per second that are written unless others are asked for.
 const RATE: f64 = 30.0;
@@ -167,6 +166,9 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         },
         step,
     };
+    if !glb {
+        warn_of_loss(&session, surface.scene.as_deref(), &arguments.output);
+    }
     let count = motion.frames.len().div_ceil(step);
     let format = match arguments.format {
         FormatName::Obj => FrameFormat::Obj,
@@ -221,8 +223,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
             };
             let name = arguments.motion.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             let animation = GlbAnimation { name: &name, times: &times, frames: &frames, placements: &placements, form };
-            let (bytes, glb) = animated_glb_bytes(mesh, &own_materials(mesh)?, &animation)?;
-            write_glb(&session, mesh, &bytes, &arguments.output)?;
+            let glb = write_animation(&session, mesh, surface.scene.as_deref(), &animation, &arguments.output)?;
             document["targets"] = json!(glb.targets);
             document["largest_error"] = json!(glb.largest_error);
             document["bytes"] = json!(glb.bytes);

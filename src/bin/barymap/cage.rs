@@ -12,7 +12,7 @@ use clap::ValueEnum;
 use serde_json::{Value, json};
 
 use crate::common::{Common, Session, check_outputs};
-use crate::model_file::{ModelFormat, write_posed};
+use crate::model_file::{ModelFormat, New, write_model};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -107,7 +107,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     // What has no pre-image stays where it is.
     let positions = caged.positions.iter().zip(&model.positions).map(|(p, old)| p.unwrap_or(*old)).collect();
     pose(&mut model, positions)?;
-    write_posed(&session, &model, scene.as_deref(), format, &arguments.output)?;
+    write_model(&session, &model, scene.as_deref(), New::Shape, format, &arguments.output)?;
     session.watch.lap("write");
     let mut report = session.report("cage");
     describe(&mut report, arguments, &model, &cage, &caged);

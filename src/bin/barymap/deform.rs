@@ -10,7 +10,7 @@ use clap::ValueEnum;
 use serde_json::json;
 
 use crate::common::{Common, Session, check_outputs, usage};
-use crate::model_file::{ModelFormat, write_posed};
+use crate::model_file::{ModelFormat, New, write_model};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -91,7 +91,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     session.watch.lap("measure");
     let mut mesh = surface.mesh;
     deformer.pose(&mut mesh, result.positions)?;
-    write_posed(&session, &mesh, surface.scene.as_deref(), format, &arguments.output)?;
+    write_model(&session, &mesh, surface.scene.as_deref(), New::Shape, format, &arguments.output)?;
     session.watch.lap("write");
     session.say(&format!(
         "{}: G {:.3e}, edges {:.1} % rms and {:.1} % at most, volume {:.3}, {} triangles flipped, {} iterations",

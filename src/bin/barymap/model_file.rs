@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use barymap::geometry::Mesh;
+use barymap::io::gltf_animation::{animated_glb_bytes, animated_scene_bytes};
 use barymap::io::gltf_upright::turned_upright;
 use barymap::io::gltf_write::{glb_bytes, own_materials};
-use barymap::io::{GltfScene, KeepTextures, SceneEdit};
+use barymap::io::{GlbAnimation, GlbAnimationReport, GlbMaterial, GltfScene, KeepTextures, SceneEdit};
 use barymap::{Result, io};
 
 use crate::common::{Session, usage};
@@ -44,42 +45,84 @@ impl ModelFormat {
     }
 }
 
-/// Writes a mesh in another shape than `scene` has, which it came from if there is one.
-pub(crate) fn write_posed(
+/// What of a mesh is new.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum New {
+    /// Positions and normals.
+    Shape,
+    /// Texture coordinates.
+    Texcoords,
+}
+
+/// Writes a mesh; as GLB with all that `scene` has, which it came from if there is one.
+pub(crate) fn write_model(
     session: &Session<'_>,
     mesh: &Mesh,
     scene: Option<&GltfScene>,
+    new: New,
     format: ModelFormat,
     path: &Path,
 ) -> Result<()> {
+    if let (New::Texcoords, false) = (new, format == ModelFormat::Glb && scene.is_some()) {
+        warn_of_pictures(session, mesh);
+    }
+    if format != ModelFormat::Glb {
+        warn_of_loss(session, scene, path);
+    }
     match (format, scene) {
         (ModelFormat::Obj, _) => io::write_obj(mesh, path),
-        (ModelFormat::Ply, _) => io::write_ply(mesh, None, path),
-        (ModelFormat::Glb, None) => write_glb(session, mesh, &glb_bytes(mesh, &own_materials(mesh)?)?, path),
+        (ModelFormat::Ply, _) => {
+            let byte = |c: f32| (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
+            let colors: Vec<[u8; 3]> = mesh.colors.iter().map(|c| [c[0], c[1], c[2]].map(byte)).collect();
+            io::write_ply(mesh, (!colors.is_empty()).then_some(&colors[..]), path)
+        }
+        (ModelFormat::Glb, None) => {
+            let materials = materials(session, mesh, path);
+            write_glb(session, mesh, &glb_bytes(mesh, &materials)?, path)
+        }
         (ModelFormat::Glb, Some(scene)) => {
             let mut edit = scene.edit();
-            edit.shape(mesh)?;
+            match new {
+                New::Shape => edit.shape(mesh)?,
+                New::Texcoords => edit.texcoords(mesh, KeepTextures::No)?,
+            }
             io::output::write_bytes(path, &finish(session, edit, path)?)
         }
     }
 }
 
-/// Writes a mesh with other texture coordinates than `scene` has.
-pub(crate) fn write_unwrapped(
-    session: &Session<'_>,
-    mesh: &Mesh,
-    scene: Option<&GltfScene>,
-    format: ModelFormat,
-    path: &Path,
-) -> Result<()> {
-    match (format, scene) {
-        (ModelFormat::Glb, Some(scene)) => {
-            let mut edit = scene.edit();
-            edit.texcoords(mesh, KeepTextures::No)?;
-            io::output::write_bytes(path, &finish(session, edit, path)?)
-        }
-        (ModelFormat::Glb, None) => write_glb(session, mesh, &glb_bytes(mesh, &[])?, path),
-        _ => io::write_obj(mesh, path),
+/// The materials of the mesh; what of them cannot be written to `path` is told.
+pub(crate) fn materials(session: &Session<'_>, mesh: &Mesh, path: &Path) -> Vec<GlbMaterial> {
+    let (materials, notes) = own_materials(mesh);
+    tell(session, &notes, path);
+    materials
+}
+
+fn tell(session: &Session<'_>, notes: &[String], path: &Path) {
+    for note in notes {
+        session.warn(&format!("{}: {note}", path.display()));
+    }
+}
+
+/// Tells what a file of a plain mesh has no place for.
+pub(crate) fn warn_of_loss(session: &Session<'_>, scene: Option<&GltfScene>, path: &Path) {
+    if let Some(what) = scene.and_then(GltfScene::beside_the_mesh) {
+        session.warn(&format!(
+            "{} has no place for what the input has beside its mesh ({what}); an output that ends in .glb keeps it",
+            path.display()
+        ));
+    }
+}
+
+/// Tells of pictures that lie on coordinates that are replaced.
+fn warn_of_pictures(session: &Session<'_>, mesh: &Mesh) {
+    for material in mesh.materials.iter().filter(|m| m.roles().next().is_some()) {
+        let roles: Vec<&str> = material.roles().collect();
+        session.warn(&format!(
+            "the textures of {:?} ({}) were made for the texture coordinates that are replaced",
+            material.name,
+            roles.join(", ")
+        ));
     }
 }
 
@@ -92,8 +135,28 @@ pub(crate) fn write_glb(session: &Session<'_>, mesh: &Mesh, bytes: &[u8], path: 
 /// The bytes of a changed scene, turned to y up; what the user should know of it is told.
 pub(crate) fn finish(session: &Session<'_>, edit: SceneEdit<'_>, path: &Path) -> Result<Vec<u8>> {
     let (bytes, notes) = edit.finish()?;
-    for note in &notes {
-        session.warn(&format!("{}: {note}", path.display()));
-    }
-    Ok(turned_upright(&bytes, session.up())?.into_owned())
+    upright(session, &bytes, &notes, path)
+}
+
+/// Writes `mesh` with an animation; with all that `scene` has, which it came from if there is one.
+pub(crate) fn write_animation(
+    session: &Session<'_>,
+    mesh: &Mesh,
+    scene: Option<&GltfScene>,
+    animation: &GlbAnimation<'_>,
+    path: &Path,
+) -> Result<GlbAnimationReport> {
+    let Some(scene) = scene else {
+        let (bytes, report) = animated_glb_bytes(mesh, &materials(session, mesh, path), animation)?;
+        write_glb(session, mesh, &bytes, path)?;
+        return Ok(report);
+    };
+    let (bytes, notes, report) = animated_scene_bytes(scene, mesh, animation)?;
+    io::output::write_bytes(path, &upright(session, &bytes, &notes, path)?)?;
+    Ok(report)
+}
+
+fn upright(session: &Session<'_>, bytes: &[u8], notes: &[String], path: &Path) -> Result<Vec<u8>> {
+    tell(session, notes, path);
+    Ok(turned_upright(bytes, session.up())?.into_owned())
 }

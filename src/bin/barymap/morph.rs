@@ -5,11 +5,10 @@ use std::path::{Path, PathBuf};
 use barymap::encoding::{DecodeReport, HierarchyOptions};
 use barymap::geometry::Mesh;
 use barymap::geometry::weld::weld_alike;
-use barymap::io::gltf_animation::animated_glb_bytes;
-use barymap::io::gltf_write::{glb_bytes, own_materials};
-use barymap::io::{GlbAnimation, MorphForm, read_mask, read_vertex_list};
+use barymap::io::{GlbAnimation, GltfScene, MorphForm, read_mask, read_vertex_list};
 use barymap::surface::AnchorPairs;
 use barymap::tools::animate::frames::{FrameFolder, FrameFormat};
+use barymap::tools::cage::pose;
 use barymap::tools::morph::{
     CompatibleReport, FrameReport, FrameWatch, Morpher, QUALITY, compatible_mesh, without_normals,
 };
@@ -20,7 +19,7 @@ use serde_json::{Value, json};
 
 use crate::common::{Common, EmbeddingArguments, Session, Surface, anchor_pairs, check_outputs, usage};
 use crate::method::{MethodArguments, prepare};
-use crate::model_file::write_glb;
+use crate::model_file::{ModelFormat, New, warn_of_loss, write_animation, write_model};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -119,6 +118,10 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     if let (Some(path), Some(last)) = (&arguments.compatible, surfaces.last()) {
         write_mesh(&last.mesh, path)?;
     }
+    let scene = surfaces.first().and_then(|s| s.scene.clone());
+    if !glb {
+        warn_of_loss(&session, scene.as_deref(), &arguments.output);
+    }
     let mut meshes: Vec<Mesh> = surfaces.into_iter().map(|s| s.mesh).collect();
     if arguments.pairs.is_empty() {
         weld_alike(&mut meshes, common.weld)?;
@@ -189,7 +192,8 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         Target::File(_) => "one blend".to_owned(),
         Target::Folder(folder) => format!("{} files", folder.finish()?),
         Target::Glb(frames) => {
-            let what = write_frames(&session, &arguments.output, mesh, frames, arguments.seconds)?;
+            let what =
+                write_frames(&session, &arguments.output, &meshes[0], scene.as_deref(), frames, arguments.seconds)?;
             report["bytes"] = json!(std::fs::metadata(&arguments.output).map_or(0, |m| m.len()));
             what
         }
@@ -219,14 +223,15 @@ fn write_mesh(mesh: &Mesh, path: &Path) -> Result<()> {
 fn write_frames(
     session: &Session<'_>,
     path: &Path,
-    mut mesh: Mesh,
+    first: &Mesh,
+    scene: Option<&GltfScene>,
     mut frames: Vec<Vec<DVec3>>,
     seconds: f64,
 ) -> Result<String> {
-    let materials = own_materials(&mesh)?;
     if frames.len() == 1 {
-        mesh.positions = frames.pop().unwrap_or_default();
-        write_glb(session, &mesh, &glb_bytes(&mesh, &materials)?, path)?;
+        let mut blend = first.clone();
+        pose(&mut blend, frames.pop().unwrap_or_default())?;
+        write_model(session, &blend, scene, New::Shape, ModelFormat::Glb, path)?;
         return Ok("one blend".into());
     }
     let last = (frames.len() - 1) as f64;
@@ -234,8 +239,9 @@ fn write_frames(
     let frames: Vec<Vec<glam::Vec3>> = frames.iter().map(|f| f.iter().map(|p| p.as_vec3()).collect()).collect();
     let animation =
         GlbAnimation { name: "morph", times: &times, frames: &frames, placements: &[], form: MorphForm::Auto };
-    let (bytes, done) = animated_glb_bytes(&mesh, &materials, &animation)?;
-    write_glb(session, &mesh, &bytes, path)?;
+    // Normals of an in-between would be wrong in the mesh itself; a scene turns those that it has.
+    let mesh = without_normals(first);
+    let done = write_animation(session, &mesh, scene, &animation, path)?;
     Ok(format!("{} frames, {} morph targets, {:.1} MB", frames.len(), done.targets, done.bytes as f64 / 1e6))
 }
 

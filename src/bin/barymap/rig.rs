@@ -4,11 +4,11 @@ use std::path::Path;
 use std::sync::Arc;
 
 use barymap::Result;
-use barymap::io::gltf_write::{own_materials, written_scene};
+use barymap::io::gltf_write::written_scene;
 use barymap::io::{GltfScene, SkinWeights};
 
 use crate::common::{Session, Surface, usage};
-use crate::model_file::finish;
+use crate::model_file::{finish, materials};
 
 /// Whether the name is that of a glTF file.
 pub(crate) fn is_gltf(path: &Path) -> bool {
@@ -66,7 +66,7 @@ pub(crate) fn write_weights(
     let mesh = &target.mesh;
     let (scene, sources): (Arc<GltfScene>, Vec<u32>) = match &target.scene {
         Some(scene) => (scene.clone(), (0..mesh.vertex_count() as u32).collect()),
-        None => written_scene(mesh, &own_materials(mesh)?)?,
+        None => written_scene(mesh, &materials(session, mesh, path))?,
     };
     let row_of: Vec<u32> = sources.into_iter().map(|v| mesh.representative(v)).collect();
     let mut edit = scene.edit();

@@ -11,7 +11,7 @@ use barymap::tools::unwrap::{UnwrapOptions, UnwrapReport, unwrap};
 use serde_json::{Value, json};
 
 use crate::common::{Common, Session, Surface, check_outputs, usage};
-use crate::model_file::{ModelFormat, write_unwrapped};
+use crate::model_file::{ModelFormat, New, write_model};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -100,7 +100,7 @@ impl Charts {
         let report = unwrap_surface(session, target, size.0, shown.margin, self.angle)?;
         if let Some(path) = &self.unwrapped {
             let format = ModelFormat::of(path, FORMATS)?;
-            write_unwrapped(session, &target.mesh, target.scene.as_deref(), format, path)?;
+            write_model(session, &target.mesh, target.scene.as_deref(), New::Texcoords, format, path)?;
         }
         Ok(json!({ "unwrap": describe_unwrap(&report) }))
     }
@@ -206,7 +206,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let mut session = Session::start_on_cpu(common)?;
     let mut surface = session.mesh(&arguments.mesh)?;
     let report = unwrap_surface(&mut session, &mut surface, arguments.size, arguments.margin, arguments.angle)?;
-    write_unwrapped(&session, &surface.mesh, surface.scene.as_deref(), format, &arguments.output)?;
+    write_model(&session, &surface.mesh, surface.scene.as_deref(), New::Texcoords, format, &arguments.output)?;
     if let Some(path) = &arguments.layout {
         session.write_image(&layout(&surface.mesh, arguments.size.min(2048))?, path)?;
     }

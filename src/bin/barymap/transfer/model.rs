@@ -7,10 +7,10 @@ use std::sync::Arc;
 use barymap::Result;
 use barymap::geometry::material::{AlphaMode, BASE_COLOR, Look};
 use barymap::geometry::{Material, Mesh, NONE};
-use barymap::io::GlbMaterial;
 use barymap::io::gltf_upright::turned_upright;
 use barymap::io::gltf_write::glb_with_materials;
 use barymap::io::image_file::encode_png;
+use barymap::io::{GlbMaterial, GlbTexture};
 use barymap::raster::Image;
 
 use super::pictures::{Part, part_of};
@@ -187,6 +187,7 @@ fn dressed(name: String, skin: Option<&Skin>, source: &SourceLook) -> GlbMateria
     if skin.has("emissive") && look.emissive == [0.0; 3] {
         look.emissive = [1.0; 3];
     }
-    let (texture, textures) = (skin.base.clone(), skin.others.clone());
+    let texture = skin.base.clone().map(GlbTexture::from);
+    let textures = skin.others.iter().map(|(role, bytes)| (role.clone(), bytes.clone().into())).collect();
     GlbMaterial { name, base_color: source.base_color, texture, textures, look }
 }
