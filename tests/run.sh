@@ -5,8 +5,10 @@
 #
 # BARYMAP_DATA=FOLDER        real models; without it the tests that need them are counted as ignored
 # BARYMAP_REQUIRE_GPU=1      a machine without an adapter fails, instead of skipping the GPU tests
+# BARYMAP_REQUIRE_GLTF_VALIDATOR=1  the same where the glTF validator cannot be had
 #
-# Installs a software Vulkan driver where the system has none and this script may (Debian and Ubuntu, as root).
+# Installs a software Vulkan driver where the system has none and this script may (Debian and Ubuntu, as root), and the glTF
+# validator of Khronos beside the build where node and npm are: tests run it over the files that they write.
 # Closes with the sum over all test binaries: N passed, N failed.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -39,6 +41,17 @@ if ! has_vulkan; then
     fi
 fi
 
+validator=${CARGO_TARGET_DIR:-target}/gltf-validator
+if ! command -v node >/dev/null || ! command -v npm >/dev/null; then
+    echo "tests/run.sh: no node or npm: the glTF files that tests write are not validated"
+elif [ ! -d "$validator/node_modules/gltf-validator" ] ||
+    ! cmp -s tests/gltf_validator/package-lock.json "$validator/package-lock.json"; then
+    mkdir -p "$validator"
+    cp tests/gltf_validator/package.json tests/gltf_validator/package-lock.json "$validator"
+    (cd "$validator" && npm ci --no-audit --no-fund --loglevel=error) </dev/null ||
+        echo "tests/run.sh: the glTF validator could not be installed; files are not validated"
+fi
+
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 # Mesa warns, and some loaders fail, where there is no folder for run-time files.
@@ -69,10 +82,12 @@ read -r passed failed ignored < <(awk '
         }
     }
     END { print p + 0, f + 0, g + 0 }' "$work/log")
-skipped=$(grep -c '^SKIPPED:' "$work/log" || true)
+skipped=$(grep '^SKIPPED:' "$work/log" | grep -vc 'glTF validator' || true)
+unvalidated=$(grep -c '^SKIPPED: no glTF validator' "$work/log" || true)
 echo
 [ "$ignored" = 0 ] || echo "$ignored tests ignored: they need the real models that BARYMAP_DATA names"
 [ "$skipped" = 0 ] || echo "$skipped times a GPU test was skipped: no adapter (see barymap devices)"
+[ "$unvalidated" = 0 ] || echo "$unvalidated times the files of a command were not validated: no glTF validator"
 # A build that fails, or a binary that crashes, reports no failed test.
 if [ "$status" != 0 ] && [ "$failed" = 0 ]; then
     echo "tests/run.sh: cargo test failed (exit code $status) before a test could report"

@@ -12,6 +12,8 @@ mod deform;
 mod faults;
 mod finite;
 mod gltf;
+#[path = "../common/gltf_validator.rs"]
+mod gltf_validator;
 mod kinds;
 mod machine;
 mod map;

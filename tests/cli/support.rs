@@ -1,12 +1,12 @@
 //! A folder with two meshes, a texture and anchors, and the program run in it.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::TAU;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::LazyLock;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 use barymap::engine::Engine;
 use barymap::geometry::Mesh;
@@ -14,6 +14,8 @@ use barymap::models::shapes::uv_sphere;
 use barymap::raster::{Image, Pixels};
 use glam::DVec3;
 use serde_json::{Value, json};
+
+use crate::gltf_validator;
 
 /// The target is the source stretched by these factors along its axes.
 pub(crate) const STRETCH: DVec3 = DVec3::new(1.1, 1.3, 0.9);
@@ -143,11 +145,13 @@ impl Folder {
     }
 
     /// Runs `barymap` here with the words of `command`.
+    #[track_caller]
     pub(crate) fn run(&self, command: &str) -> Ran {
         self.run_with(command, &[])
     }
 
     /// Runs `barymap` here with the words of `command` and environment variables.
+    #[track_caller]
     pub(crate) fn run_with(&self, command: &str, environment: &[(&str, &str)]) -> Ran {
         let words: Vec<&str> = command.split_whitespace().collect();
         let mut command = self.command();
@@ -164,6 +168,7 @@ impl Folder {
 
     /// Runs commands here as a shell does, up to the first that fails; `barymap` is the built
     /// program.
+    #[track_caller]
     pub(crate) fn shell(&self, commands: &str) -> Ran {
         let program = Path::new(env!("CARGO_BIN_EXE_barymap")).parent().unwrap();
         let others = std::env::var_os("PATH").unwrap_or_default();
@@ -174,8 +179,12 @@ impl Folder {
         self.finish(&mut command)
     }
 
-    /// Runs a command to its end; one that takes longer than two minutes hangs.
+    /// Runs a command to its end; one that takes longer than two minutes hangs. The glTF files that
+    /// a command writes have no faults that its inputs had not.
+    #[track_caller]
     pub(crate) fn finish(&self, command: &mut Command) -> Ran {
+        let mut before = BTreeMap::new();
+        gltf_files(self.0.path(), &mut before);
         let outputs = tempfile::tempdir().unwrap();
         let file = |name: &str| File::create(outputs.path().join(name)).unwrap();
         let mut child = command.stdout(file("stdout")).stderr(file("stderr")).spawn().unwrap();
@@ -193,7 +202,26 @@ impl Folder {
             std::thread::sleep(Duration::from_millis(5));
         };
         let text = |name: &str| String::from_utf8_lossy(&fs::read(outputs.path().join(name)).unwrap()).into_owned();
+        if status.success() {
+            let mut after = BTreeMap::new();
+            gltf_files(self.0.path(), &mut after);
+            after.retain(|path, written| before.get(path) != Some(written));
+            let inputs: Vec<PathBuf> = before.into_keys().filter(|path| !after.contains_key(path)).collect();
+            gltf_validator::check(&after.into_keys().collect::<Vec<_>>(), &inputs);
+        }
         Ran { code: status.code(), stdout: text("stdout"), stderr: text("stderr"), peak_memory }
+    }
+}
+
+/// The GLB and glTF files in a folder and those below it, with the time and size of each.
+fn gltf_files(folder: &Path, found: &mut BTreeMap<PathBuf, (SystemTime, u64)>) {
+    for entry in fs::read_dir(folder).unwrap().flatten() {
+        let (path, about) = (entry.path(), entry.metadata().unwrap());
+        if about.is_dir() {
+            gltf_files(&path, found);
+        } else if path.extension().is_some_and(|e| e == "glb" || e == "gltf") {
+            found.insert(path, (about.modified().unwrap(), about.len()));
+        }
     }
 }
 
