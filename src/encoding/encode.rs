@@ -16,6 +16,8 @@ const LEAST_AREA: f64 = 2e-3;
 const LARGEST_ERROR: f64 = 1e-11;
 /// Vertices around a vertex among which a substitute triangle is looked for.
 const SUBSTITUTES: usize = 24;
+/// Twice the area of a substitute triangle in parts of the sum of its squared sides, at least.
+const LEAST_SHAPE: f64 = 0.02;
 /// No triangle has a better shape, as these are measured: an equilateral one has 0.289.
 const BEST_SHAPE: f64 = 0.29;
 
@@ -152,8 +154,17 @@ fn best_triangle(positions: &[V3<f64>], v: u32, near: &[u32]) -> Option<[u32; 3]
         candidates.truncate(SUBSTITUTES);
     }
     candidates.sort_unstable_by(order);
+    let place: Vec<V3<f64>> = candidates.iter().map(|c| positions[c.1 as usize]).collect();
+    let n = place.len();
+    let mut squares = vec![0.0; n * n];
+    for i in 0..n {
+        for j in 0..i {
+            let e = sub(place[i], place[j]);
+            squares[i * n + j] = dot(e, e);
+        }
+    }
     let mut best: Option<(f64, [u32; 3])> = None;
-    for i in 2..candidates.len() {
+    for i in 2..n {
         for j in 1..i {
             for k in 0..j {
                 let triangle = [candidates[k], candidates[j], candidates[i]];
@@ -161,13 +172,16 @@ fn best_triangle(positions: &[V3<f64>], v: u32, near: &[u32]) -> Option<[u32; 3]
                 if best.is_some_and(|b| far > BEST_SHAPE * b.0) {
                     continue;
                 }
+                let normal = cross(sub(place[j], place[k]), sub(place[i], place[k]));
+                let sides = squares[j * n + k] + squares[i * n + k] + squares[i * n + j];
+                // Nearly all that are looked at among needles.
+                if dot(normal, normal) < 0.99 * (LEAST_SHAPE * sides).powi(2) {
+                    continue;
+                }
                 let triangle = triangle.map(|c| c.1);
-                let [p, q, r] = triangle.map(|u| positions[u as usize]);
-                let (e, f) = (sub(q, p), sub(r, p));
-                let g = sub(r, q);
-                let shape = length(cross(e, f)) / (dot(e, e) + dot(f, f) + dot(g, g));
+                let shape = length(normal) / sides;
                 // A right-angled triangle has 0.25.
-                if !(shape > 0.02) || !(best.is_none_or(|b| far / shape < b.0)) {
+                if !(shape > LEAST_SHAPE) || !(best.is_none_or(|b| far / shape < b.0)) {
                     continue;
                 }
                 let (mut w, mut b) = ([0.0; 3], [0.0; 3]);

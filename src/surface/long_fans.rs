@@ -196,8 +196,8 @@ impl<const K: usize> LongFan<K> {
         let from = minus(to, &self.middle);
         let squared = product(&from, &from);
         let bound = |n: usize| match reach {
-            Reach::Triangles => self.parts[n].from_cone(&from, squared),
-            Reach::Vertices => self.parts[n].from_box(to),
+            Reach::Triangles => self.parts[n].beyond_cone(&from, squared),
+            Reach::Vertices => self.parts[n].beyond_box(to),
         };
         let mut looks = 0;
         let mut stack = vec![(0, bound(0))];
@@ -222,7 +222,7 @@ impl<const K: usize> LongFan<K> {
 
 impl<const K: usize> Part<K> {
     /// A bound of the squared distance of a point from all triangles, seen from the vertex.
-    fn from_cone(&self, from: &Spot<K>, squared: f64) -> f64 {
+    fn beyond_cone(&self, from: &Spot<K>, squared: f64) -> f64 {
         let Some((cosine, sine)) = self.cosine_sine else { return 0.0 };
         let along = product(from, &self.axis);
         // Never more than it is: what cancels here may be all there is.
@@ -236,7 +236,7 @@ impl<const K: usize> Part<K> {
     }
 
     /// The same from all outer vertices.
-    fn from_box(&self, to: &Spot<K>) -> f64 {
+    fn beyond_box(&self, to: &Spot<K>) -> f64 {
         let one = |x: f64, low: f64, high: f64| (x - x.clamp(low, high)).powi(2);
         let place: f64 = (0..K).map(|k| one(to.0[k], self.low.0[k], self.high.0[k])).sum();
         place + (0..4).map(|k| one(to.1[k], self.low.1[k], self.high.1[k])).sum::<f64>()
@@ -308,7 +308,7 @@ mod tests {
                 });
                 let truth = fan.iter().map(|&t| distance(t)).fold(f64::INFINITY, f64::min);
                 assert!(least >= truth && least * (1.0 - 2.0 * TIE) <= truth, "{reach:?} {k}: {least:e} {truth:e}");
-                looks[k as usize % 3] += count;
+                looks[k % 3] += count;
                 // Nothing is nearer than the nearest.
                 assert_eq!(long.search(&to, reach, 0.0, |_| 0.0), 0);
             }

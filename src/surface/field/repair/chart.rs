@@ -5,6 +5,7 @@ use std::collections::{HashMap, HashSet};
 use glam::{DVec2, DVec3};
 
 use crate::geometry::{NONE, SurfacePoint, Topology};
+use crate::surface::long_fans::LONGEST;
 
 /// Rings of triangles around the wanted ones: what is near the rim of a chart is squeezed.
 const MARGIN: usize = 2;
@@ -108,22 +109,25 @@ impl Chart {
     }
 }
 
-/// The wanted triangles, rings around them until they hang together, and a margin; rising.
+/// The wanted triangles, rings around them until they hang together, and a margin; rising. Around a
+/// vertex of thousands a ring goes on by what is beside one another, not by all of its triangles.
 fn region(topology: &Topology, wanted: &[u32], widest: usize) -> Option<Vec<u32>> {
     let mut faces: Vec<u32> = wanted.to_vec();
     faces.sort_unstable();
     faces.dedup();
     let mut inside: HashSet<u32> = faces.iter().copied().collect();
+    let mut seen: HashSet<u32> = HashSet::new();
     let mut margin = 0;
     for _ in 0..REACH + widest {
         let mut next: Vec<u32> = Vec::new();
         for &f in &faces {
             for v in topology.triangles[f as usize] {
-                for &g in topology.vertex_triangles(v) {
-                    if inside.insert(g) {
-                        next.push(g);
-                    }
+                let around = topology.vertex_triangles(v);
+                // Whose triangles are inside has no more.
+                if around.len() > LONGEST || !seen.insert(v) {
+                    continue;
                 }
+                next.extend(around.iter().copied().filter(|&g| inside.insert(g)));
             }
         }
         faces.extend(next);
@@ -263,7 +267,7 @@ fn flatten(place: &[DVec3], corners: &[[u32; 3]], rim: &[u32]) -> Option<Vec<DVe
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::models::shapes::{Diagonal, lobed_sphere, plane_grid};
+    use crate::models::shapes::{Diagonal, lobed_sphere, plane_grid, uv_sphere};
 
     #[test]
     fn places_and_points_correspond() {
@@ -280,6 +284,14 @@ mod tests {
         assert!(chart.lift(DVec2::new(2.0, 0.0), 0).is_none() && chart.lift(DVec2::NAN, 0).is_none());
         let outside = (0..mesh.triangle_count() as u32).find(|f| !chart.faces.contains(f)).unwrap();
         assert!(chart.place(&SurfacePoint::new(outside, [1.0, 0.0, 0.0])).is_none());
+    }
+
+    #[test]
+    fn around_a_vertex_of_thousands_a_region_stays_small() {
+        let mesh = uv_sphere(1.0, 2000, 2);
+        let topology = Topology::new(&mesh);
+        let faces = region(&topology, &[10, 12], MARGIN).unwrap();
+        assert!(faces.len() < 100 && [10, 11, 12].iter().all(|f| faces.contains(f)), "{faces:?}");
     }
 
     #[test]

@@ -1,6 +1,9 @@
+use std::f64::consts::TAU;
+
 use glam::DVec3;
 
 use super::super::tests::{holds_by_triangles, small, unwrapped};
+use super::hub::PARTS;
 use super::*;
 use crate::geometry::texcoords::overlap::interiors_meet;
 use crate::models::shapes::uv_sphere;
