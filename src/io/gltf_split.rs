@@ -143,15 +143,18 @@ pub(super) fn origin(mesh: &Mesh) -> DVec3 {
     if origin.is_finite() { origin } else { DVec3::ZERO }
 }
 
-/// Area-weighted unit normals of the vertices at `positions`; up where there is none.
+/// Unit normals of the vertices at `positions`, those of the triangles around by their angles, as
+/// meshes without normals are shaded; up where there is none.
 pub(super) fn vertex_normals(mesh: &Mesh, positions: &[DVec3]) -> Vec<DVec3> {
     let mut normals = vec![DVec3::ZERO; mesh.vertex_count()];
     for t in 0..mesh.triangle_count() {
-        let [a, b, c] = mesh.triangle(t).map(|v| positions[v as usize]);
-        let n = (b - a).cross(c - a);
-        if n.is_finite() {
-            for v in mesh.triangle(t) {
-                normals[v as usize] += n;
+        let p = mesh.triangle(t).map(|v| positions[v as usize]);
+        let Some(n) = (p[1] - p[0]).cross(p[2] - p[0]).try_normalize() else { continue };
+        for (k, v) in mesh.triangle(t).into_iter().enumerate() {
+            let (a, b) = (p[(k + 1) % 3] - p[k], p[(k + 2) % 3] - p[k]);
+            let angle = a.cross(b).length().atan2(a.dot(b));
+            if angle.is_finite() {
+                normals[v as usize] += n * angle;
             }
         }
     }

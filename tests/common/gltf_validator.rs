@@ -38,8 +38,8 @@ fn faults(files: &[PathBuf], inputs: &[PathBuf]) -> Option<String> {
 /// The folder in which the package is installed: beside the build, of which this program is a part.
 fn installed() -> Option<PathBuf> {
     let program = std::env::current_exe().ok()?;
-    let folders = program.ancestors().map(|above| above.join("gltf-validator"));
-    folders.into_iter().find(|folder| folder.join("node_modules/gltf-validator").is_dir())
+    let mut folders = program.ancestors().map(|above| above.join("gltf-validator"));
+    folders.find(|folder| folder.join("node_modules/gltf-validator").is_dir())
 }
 
 /// The validator sees what is wrong.

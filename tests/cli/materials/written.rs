@@ -51,6 +51,16 @@ fn a_model_of_an_obj_looks_as_the_obj() {
 }
 
 #[test]
+fn a_model_of_a_mesh_without_normals_is_shaded_as_the_mesh() {
+    let f = Folder::spheres();
+    let mesh = barymap::io::read_mesh(f.path("t.obj")).unwrap().mesh;
+    let held = [0, 100, 200, 300].map(|v| json!({"vertex": v, "position": mesh.positions[v].to_array()}));
+    f.write("h.json", &json!({"handles": held}).to_string());
+    f.run("deform t.obj --handles h.json -o m.glb").succeeds();
+    look_alike(&f, "t.obj", "m.glb");
+}
+
+#[test]
 fn a_picture_without_texture_coordinates_and_colours_of_vertices_are_written() {
     let f = folder();
     std::fs::write(f.path("m.mtl"), "newmtl m\nmap_Kd t.png\n").unwrap();
