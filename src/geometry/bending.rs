@@ -22,6 +22,9 @@ pub(crate) struct Bending {
     pattern: SparsePattern,
     /// Lumped mass of each vertex, positive.
     pub(crate) mass: Vec<f64>,
+    /// The mean over the vertices of triangles: those that a file repeats or leaves unused have no
+    /// part in it.
+    pub(crate) mean_mass: f64,
 }
 
 impl Bending {
@@ -39,7 +42,9 @@ impl Bending {
         let laplacian = Laplacian::new(positions, triangles);
         let rows = laplacian.without_boundary_flow(positions, triangles);
         let n = positions.len();
-        let least = LEAST_MASS * laplacian.mass.iter().sum::<f64>() / n.max(1) as f64;
+        let massive = laplacian.mass.iter().filter(|m| **m > 0.0).count();
+        let mean_mass = laplacian.mass.iter().sum::<f64>() / massive.max(1) as f64;
+        let least = LEAST_MASS * mean_mass;
         let mass: Vec<f64> = laplacian.mass.iter().map(|m| m.max(least)).collect();
         let mut triplets = Vec::new();
         let mut long = 0;
@@ -75,7 +80,7 @@ impl Bending {
             starts.push(rows.len());
         }
         let pattern = SparsePattern::new("the relaxation of the map", starts, rows, long)?;
-        Ok(Self { energy, long, pattern, mass })
+        Ok(Self { energy, long, pattern, mass, mean_mass })
     }
 
     /// Factorises `M + eps L' M^-1 L + weight sum x x'`, `x` being the barycentric coordinates of

@@ -5,6 +5,10 @@
 //! one unknown more for each long row and the same solution for the others, `l' x` being the value
 //! of the new one. It is quasi-definite: L D L' exists for any order of the unknowns (Vanderbei
 //! 1995), and the number of non-zeros stays linear in that of the vertices.
+//!
+//! Unknowns that stand in no equation but their own, those of vertices that a file repeats or leaves
+//! unused, are solved apart. The order in which the others are eliminated, and with it the rounding
+//! of their solution, does not depend on them.
 
 use std::sync::Arc;
 
@@ -33,10 +37,52 @@ pub(crate) const LONGEST: usize = 64;
 pub(crate) struct SparsePattern {
     matrix: SymbolicSparseColMat<usize>,
     factor: Arc<SymbolicCholesky<usize>>,
+    /// None where every unknown is coupled with another one.
+    parted: Option<Arc<Parted>>,
     /// How many of the unknowns, the last ones, stand for long rows.
     border: usize,
     /// Names the system in messages.
     what: &'static str,
+}
+
+/// The unknowns of a matrix, by whether they are coupled with others.
+#[derive(Debug)]
+struct Parted {
+    /// Those of the factor, ascending, and the range of the entries of each one's column.
+    coupled: Vec<(usize, std::ops::Range<usize>)>,
+    /// The others, with the place of the diagonal entry.
+    alone: Vec<(usize, usize)>,
+}
+
+impl Parted {
+    /// None where none is alone, or all are.
+    fn new(starts: &[usize], rows: &[usize]) -> Option<Self> {
+        let n = starts.len() - 1;
+        let entries = |c: usize| starts[c]..starts[c + 1];
+        let mut is_coupled = vec![false; n];
+        for (c, bounds) in starts.windows(2).enumerate() {
+            for &r in rows[bounds[0]..bounds[1]].iter().filter(|r| **r != c) {
+                (is_coupled[c], is_coupled[r]) = (true, true);
+            }
+        }
+        let alone: Vec<(usize, usize)> = (0..n).filter(|&c| !is_coupled[c]).map(|c| (c, starts[c])).collect();
+        let has_diagonal = |&(c, entry): &(usize, usize)| entry < starts[c + 1];
+        let parted = !alone.is_empty() && alone.len() < n && alone.iter().all(has_diagonal);
+        let coupled = || (0..n).filter(|&c| is_coupled[c]).map(|c| (c, entries(c))).collect();
+        parted.then(|| Self { coupled: coupled(), alone })
+    }
+
+    /// The columns of the coupled unknowns, numbered among themselves.
+    fn columns(&self, rows: &[usize]) -> (Vec<usize>, Vec<usize>) {
+        let mut number = vec![0; self.coupled.len() + self.alone.len()];
+        self.coupled.iter().enumerate().for_each(|(k, (c, _))| number[*c] = k);
+        let (mut starts, mut kept) = (vec![0], Vec::new());
+        for (_, entries) in &self.coupled {
+            kept.extend(rows[entries.clone()].iter().map(|&r| number[r]));
+            starts.push(kept.len());
+        }
+        (starts, kept)
+    }
 }
 
 impl SparsePattern {
@@ -46,12 +92,17 @@ impl SparsePattern {
     /// # Errors
     /// [`Error::Numeric`], naming the system by `what`, if there is not enough memory.
     pub(crate) fn new(what: &'static str, starts: Vec<usize>, rows: Vec<usize>, border: usize) -> Result<Self> {
+        let parted = Parted::new(&starts, &rows).map(Arc::new);
+        let (starts, rows) = match &parted {
+            Some(parted) => parted.columns(&rows),
+            None => (starts, rows),
+        };
         let n = starts.len() - 1;
         let matrix = SymbolicSparseColMat::new_checked(n, n, starts, None, rows);
         let factor =
             factorize_symbolic_cholesky(matrix.as_ref(), Side::Lower, SymmetricOrdering::Amd, Default::default())
                 .map_err(|e| failed(what, &format!("{e:?}")))?;
-        Ok(Self { matrix, factor: Arc::new(factor), border, what })
+        Ok(Self { matrix, factor: Arc::new(factor), parted, border, what })
     }
 
     /// Factorises the matrix with these values, in the order of the entries. Sequential, so that
@@ -61,6 +112,16 @@ impl SparsePattern {
     /// # Errors
     /// [`Error::Numeric`] if there is not enough memory.
     pub(crate) fn factorise(&self, values: &[f64]) -> Result<Option<SparseCholesky>> {
+        let gathered: Vec<f64>;
+        let (mut values, mut alone) = (values, Vec::new());
+        if let Some(parted) = &self.parted {
+            alone.extend(parted.alone.iter().map(|&(_, entry)| values[entry]));
+            if alone.iter().any(|x| !(*x > 0.0)) {
+                return Ok(None);
+            }
+            gathered = parted.coupled.iter().flat_map(|(_, entries)| &values[entries.clone()]).copied().collect();
+            values = &gathered;
+        }
         let matrix = SparseColMatRef::new(self.matrix.as_ref(), values);
         let mut factor = Vec::new();
         factor.try_reserve_exact(self.factor.len_val()).map_err(|_| failed(self.what, "out of memory"))?;
@@ -88,8 +149,9 @@ impl SparsePattern {
                 done && factor.iter().all(|x| x.is_finite())
             }
         };
-        let symbolic = Arc::clone(&self.factor);
-        Ok(done.then_some(SparseCholesky { symbolic, values: factor, border: self.border, what: self.what }))
+        let (symbolic, parted) = (Arc::clone(&self.factor), self.parted.clone());
+        let factor = SparseCholesky { symbolic, values: factor, parted, alone, border: self.border, what: self.what };
+        Ok(done.then_some(factor))
     }
 }
 
@@ -98,6 +160,9 @@ impl SparsePattern {
 pub(crate) struct SparseCholesky {
     symbolic: Arc<SymbolicCholesky<usize>>,
     values: Vec<f64>,
+    parted: Option<Arc<Parted>>,
+    /// The diagonal entries of the unknowns that are alone.
+    alone: Vec<f64>,
     border: usize,
     what: &'static str,
 }
@@ -130,10 +195,30 @@ impl SparseCholesky {
     /// # Errors
     /// [`Error::Numeric`] if there is not enough memory.
     pub(crate) fn solve(&self, x: &mut Mat<f64>) -> Result<()> {
+        let Some(parted) = &self.parted else { return self.solve_coupled(x) };
+        let given = x.nrows();
+        let right = |k: usize, column: usize| {
+            let c = parted.coupled[k].0;
+            if c < given { x[(c, column)] } else { 0.0 }
+        };
+        let mut coupled = Mat::from_fn(parted.coupled.len(), x.ncols(), right);
+        self.solve_coupled(&mut coupled)?;
+        for column in 0..x.ncols() {
+            for (k, (c, _)) in parted.coupled.iter().enumerate().filter(|(_, (c, _))| *c < given) {
+                x[(*c, column)] = coupled[(k, column)];
+            }
+            for ((c, _), diagonal) in parted.alone.iter().zip(&self.alone).filter(|((c, _), _)| *c < given) {
+                x[(*c, column)] /= diagonal;
+            }
+        }
+        Ok(())
+    }
+
+    fn solve_coupled(&self, x: &mut Mat<f64>) -> Result<()> {
         let (n, given) = (self.symbolic.nrows(), x.nrows());
         if given < n {
             let mut whole = Mat::from_fn(n, x.ncols(), |i, k| if i < given { x[(i, k)] } else { 0.0 });
-            self.solve(&mut whole)?;
+            self.solve_coupled(&mut whole)?;
             x.copy_from(whole.subrows(0, given));
             return Ok(());
         }
@@ -167,6 +252,65 @@ fn failed(what: &str, why: &str) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A chain of `n` unknowns, those of `alone` uncoupled, and how many entries the factor has.
+    fn chain(n: usize, alone: &[usize], right: impl Fn(usize) -> f64) -> (Vec<f64>, usize) {
+        let (mut starts, mut rows, mut values) = (vec![0], Vec::new(), Vec::new());
+        let coupled: Vec<usize> = (0..n).filter(|c| !alone.contains(c)).collect();
+        for c in 0..n {
+            rows.push(c);
+            values.push(3.0 + 0.1 * (c as f64).sin());
+            if let Some(k) = coupled.iter().position(|d| *d == c).filter(|k| k + 1 < coupled.len()) {
+                rows.push(coupled[k + 1]);
+                values.push(-1.0 - 0.1 * (k as f64).cos());
+                // A longer tie now and then, so that the order matters.
+                if k % 5 == 0 && k + 7 < coupled.len() {
+                    rows.push(coupled[k + 7]);
+                    values.push(0.3);
+                }
+            }
+            starts.push(rows.len());
+        }
+        let factor = SparseCholesky::new("the chain", starts, rows, values, 0).unwrap().unwrap();
+        let mut x = Mat::from_fn(n, 2, |i, _| right(i));
+        factor.solve(&mut x).unwrap();
+        ((0..n).map(|i| x[(i, 1)]).collect(), factor.len())
+    }
+
+    #[test]
+    fn unknowns_that_stand_alone_change_no_bit_of_the_others() {
+        let alone: Vec<usize> = (0..90).filter(|c| c % 3 != 1).collect();
+        let (x, entries) = chain(90, &alone, |i| i as f64);
+        // The same system without them; the diagonal goes by the number of the column.
+        let (mut starts, mut rows, mut values) = (vec![0], Vec::new(), Vec::new());
+        for k in 0..30 {
+            rows.push(k);
+            values.push(3.0 + 0.1 * ((3 * k + 1) as f64).sin());
+            for (far, value) in [(1, -1.0 - 0.1 * (k as f64).cos()), (7, 0.3)] {
+                if k + far < 30 && (far == 1 || k % 5 == 0) {
+                    rows.push(k + far);
+                    values.push(value);
+                }
+            }
+            starts.push(rows.len());
+        }
+        let compact = SparseCholesky::new("the chain", starts, rows, values, 0).unwrap().unwrap();
+        let mut y = Mat::from_fn(30, 1, |k, _| (3 * k + 1) as f64);
+        compact.solve(&mut y).unwrap();
+        assert_eq!(entries, compact.len());
+        for k in 0..30 {
+            assert_eq!(x[3 * k + 1].to_bits(), y[(k, 0)].to_bits(), "unknown {k}");
+        }
+        for c in alone {
+            assert_eq!(x[c], c as f64 / (3.0 + 0.1 * (c as f64).sin()));
+        }
+        // One that is alone makes a matrix indefinite as well.
+        assert!(
+            SparseCholesky::new("it", vec![0, 2, 3, 4], vec![0, 1, 1, 2], vec![2.0, 1.0, 2.0, 0.0], 0)
+                .unwrap()
+                .is_none()
+        );
+    }
 
     #[test]
     fn it_solves_and_knows_what_is_not_positive() {

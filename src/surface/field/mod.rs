@@ -294,7 +294,7 @@ impl<S: Real, const K: usize> Field<S, K> {
             let begun = Relief::new(&shapes.source_places, own, predicted.error * unit);
             let places: Vec<Vector<f64, K>> = predicted.anchors.iter().map(|to| framed(&reference, *to)).collect();
             let pins = Pins { ties: &ties, to: &places, factors: &factors };
-            let relaxed = relax(&shapes.bending, &closest, begun, [&triangles, own], &pins, &mut z)?;
+            let relaxed = relax(&shapes.bending, &closest, begun, [&triangles, own], &pins, &shapes.used, &mut z)?;
             near = relaxed.0;
             relief = Some(relaxed.1);
             reseated = Islands { shapes, closest: &closest, held: &held }.reseat(&mut z, &mut near);
@@ -302,9 +302,12 @@ impl<S: Real, const K: usize> Field<S, K> {
         let mut starts: Vec<u32> = (0..z.len())
             .into_par_iter()
             .map(|v| {
+                if !shapes.used[v] {
+                    return NONE;
+                }
                 let place = (&z[v], &FLAT);
                 let found = if near[v] == NONE { closest.near(place, NONE) } else { closest.follow(place, near[v]) };
-                found.filter(|_| shapes.used[v]).map_or(NONE, |c| closest.vertex(&c))
+                found.map_or(NONE, |c| closest.vertex(&c))
             })
             .collect();
         let faces = |z: &[Vector<f64, K>], starts: &[u32]| -> Vec<u32> {

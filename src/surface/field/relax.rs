@@ -46,7 +46,7 @@ pub(super) fn factors(bending: &Bending, ties: &[Tie], apart: usize) -> Result<V
 
 /// The weight of a pin.
 fn pin_weight(bending: &Bending) -> f64 {
-    ANCHOR * bending.mass.iter().sum::<f64>() / bending.mass.len().max(1) as f64
+    ANCHOR * bending.mean_mass
 }
 
 /// Moves the images `z` of the target's vertices onto the source, all by displacements `d` that are
@@ -59,7 +59,7 @@ fn pin_weight(bending: &Bending) -> f64 {
 /// coordinates, so the system is not solved but iterated with the steps: `M d` stands on the left
 /// for `M N d`, and what the last step did along the surface, `M (1 - N) d`, on the right. One
 /// solve a step, and where steps no longer change they are those of the whole system. What it gains
-/// over pulling to the points themselves stands in docs/methods.md.
+/// over pulling to the points themselves stands in docs/methods.md. Vertices that are not `used` stay.
 ///
 /// Gives the triangle of the source each image is nearest to. 18 steps. The closest points, with
 /// normals ([`Relief`]), begin exactly and follow their point from then on; at each stiffness they
@@ -70,6 +70,7 @@ pub(super) fn relax<const K: usize>(
     mut relief: Relief,
     [target_triangles, source_triangles]: [&[[u32; 3]]; 2],
     pins: &Pins<'_, K>,
+    used: &[bool],
     z: &mut [Vector<f64, K>],
 ) -> Result<(Vec<u32>, Relief)> {
     let n = z.len();
@@ -77,7 +78,8 @@ pub(super) fn relax<const K: usize>(
         return Ok((vec![NONE; n], relief));
     }
     let weight = pin_weight(bending);
-    let mut closest: Vec<Option<Closest>> = z.par_iter().map(|z| source.near((z, &FLAT), NONE)).collect();
+    let first = |v: usize| if used[v] { source.near((&z[v], &FLAT), NONE) } else { None };
+    let mut closest: Vec<Option<Closest>> = (0..n).into_par_iter().map(first).collect();
     relief.orient(&relief.of(z, target_triangles), &closest, source_triangles);
     let source = source.with_normals(&relief.source);
     let facing = source.facing();
@@ -90,6 +92,7 @@ pub(super) fn relax<const K: usize>(
                 .map(|v| {
                     let place = (&z[v], &normals[v]);
                     let found = match closest[v] {
+                        _ if !used[v] => None,
                         Some(c) if step > 0 => source.follow(place, c.face),
                         c => source.near_or_facing(place, c.as_ref(), &facing),
                     };

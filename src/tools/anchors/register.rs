@@ -126,7 +126,6 @@ pub(super) fn register(
     let origin = at(&images);
     let bending = Bending::new(&target.positions, &target.triangles)?;
     let ties: Vec<([u32; 3], [f64; 3])> = holds.iter().map(|h| (h.v, h.x)).collect();
-    let mean_mass = bending.mass.iter().sum::<f64>() / n as f64;
     let mut out = Registration { images: Vec::new(), mismatch: vec![0.0; n], hold: vec![0.0; n] };
     let mut factor: Option<(f64, f64, SparseCholesky)> = None;
     let mut last: Vec<(DMat3, f64, DVec3)> = Vec::new();
@@ -191,11 +190,11 @@ pub(super) fn register(
                 .collect();
             let eps = stiffness * scale;
             if factor.as_ref().is_none_or(|(s, e, _)| (*s / scale - 1.0).abs() > 0.5 || *e != stiffness) {
-                let f = bending.factorise(stiffness, &ties, ANCHOR * mean_mass)?;
+                let f = bending.factorise(stiffness, &ties, ANCHOR * bending.mean_mass)?;
                 factor = Some((scale, stiffness, f));
             }
             let Some((preconditioner_scale, _, factor)) = &factor else { break };
-            let hold = ANCHOR * mean_mass * scale;
+            let hold = ANCHOR * bending.mean_mass * scale;
             let displacement: Vec<DVec3> = (0..n).map(|v| places[v] - origin[v]).collect();
             let apply = |d: &[DVec3]| -> Vec<DVec3> {
                 let bend = bend(target, &bending, d);

@@ -88,7 +88,9 @@ impl Anchors {
 
 /// Four vertices spread over the patch of about 2 % of the mesh around `seed`.
 fn spread(connectivity: &Connectivity, rest: &[V3<f64>], seed: u32) -> Vec<u32> {
-    let wanted = (connectivity.rings.len() / 50).clamp(12, 400);
+    // Vertices that a file repeats have no ring.
+    let used = connectivity.rings.iter().filter(|r| !r.is_empty()).count();
+    let wanted = (used / 50).clamp(12, 400);
     let mut patch = vec![seed];
     let mut seen = std::collections::BTreeSet::from([seed]);
     let mut next = 0;
