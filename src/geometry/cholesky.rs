@@ -6,9 +6,9 @@
 //! of the new one. It is quasi-definite: L D L' exists for any order of the unknowns (Vanderbei
 //! 1995), and the number of non-zeros stays linear in that of the vertices.
 //!
-//! Unknowns that stand in no equation but their own, those of vertices that a file repeats or leaves
-//! unused, are solved apart. The order in which the others are eliminated, and with it the rounding
-//! of their solution, does not depend on them.
+//! Unknowns that stand in no equation but their own, those of vertices that a file repeats or
+//! leaves unused, are solved apart. The order in which the others are eliminated, and with it the
+//! rounding of their solution, does not depend on them.
 
 use std::sync::Arc;
 

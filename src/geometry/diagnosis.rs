@@ -75,7 +75,7 @@ impl Diagnosis {
         Self {
             name: mesh.name.clone(),
             vertices: mesh.vertex_count(),
-            triangles: mesh.triangle_count(),
+            triangles: mesh.file_triangle_count(),
             components,
             nonmanifold_edges: topology.nonmanifold_edges,
             nonmanifold_vertices,

@@ -10,6 +10,7 @@ pub(crate) mod isomorphism;
 pub mod laplacian;
 pub mod material;
 pub mod mesh;
+mod pieces;
 pub(crate) mod placement;
 pub mod polygon;
 pub mod sampling;

@@ -90,7 +90,10 @@ pub fn write_pairs(
     let points = |(mesh, points): (&Mesh, &[SurfacePoint])| -> Value {
         let entry = |p: &SurfacePoint| match p.barycentric.iter().position(|b| *b == 1.0) {
             Some(k) => Value::from(mesh.triangle(p.face as usize)[k]),
-            None => serde_json::json!({"face": p.face, "barycentric": p.barycentric}),
+            None => {
+                let p = mesh.point_in_file(*p);
+                serde_json::json!({"face": p.face, "barycentric": p.barycentric})
+            }
         };
         points.iter().map(entry).collect()
     };
@@ -335,13 +338,14 @@ impl AnchorList {
                 exact(SurfacePoint::new(t, barycentric))
             }
             AnchorSpec::Face { face, barycentric } => {
-                if face as usize >= mesh.triangle_count() {
-                    return fail(format!("face {face} of {}", mesh.triangle_count()), swapped);
+                if face as usize >= mesh.file_triangle_count() {
+                    return fail(format!("face {face} of {}", mesh.file_triangle_count()), swapped);
                 }
-                if !topology.usable[face as usize] {
+                let point = mesh.point_from_file(SurfacePoint::new(face, barycentric));
+                if !topology.usable[point.face as usize] {
                     return fail(format!("face {face} is degenerate"), elsewhere);
                 }
-                exact(SurfacePoint::new(face, barycentric))
+                exact(point)
             }
             AnchorSpec::Position(p) => {
                 let (point, snap_distance) = closest(p);

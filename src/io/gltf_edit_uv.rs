@@ -75,7 +75,7 @@ fn wanted(mesh: &Mesh, part: &Part) -> Vec<[Option<DVec2>; 3]> {
     let triangles = part.first_triangle..part.first_triangle + part.triangles;
     let corners = |t: usize| {
         let [a, b, c] =
-            mesh.triangle_corners(t).map(|c| (c.texcoord != NONE).then(|| mesh.texcoords[c.texcoord as usize]));
+            mesh.file_triangle(t).map(|c| (c.texcoord != NONE).then(|| mesh.texcoords[c.texcoord as usize]));
         if part.flipped { [a, c, b] } else { [a, b, c] }
     };
     triangles.map(corners).collect()

@@ -115,13 +115,13 @@ impl GltfScene {
     fn check_vertices(&self, mesh: &Mesh) -> Result<()> {
         let (vertices, triangles) =
             self.parts.last().map_or((0, 0), |p| (p.first_vertex + p.vertices, p.first_triangle + p.triangles));
-        if mesh.vertex_count() == vertices && mesh.triangle_count() == triangles {
+        if mesh.vertex_count() == vertices && mesh.file_triangle_count() == triangles {
             return Ok(());
         }
         let what = format!(
             "{} vertices and {} triangles are not the {vertices} and {triangles} of the file",
             mesh.vertex_count(),
-            mesh.triangle_count()
+            mesh.file_triangle_count()
         );
         Err(Error::mesh(&mesh.name, what, "Give the mesh that was read from the file"))
     }

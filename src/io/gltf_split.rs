@@ -33,12 +33,13 @@ impl Split {
     pub(super) fn new(mesh: &Mesh, smooth: &[DVec3], wanted: impl Fn(usize) -> bool) -> Self {
         let mut index = HashMap::new();
         let mut split = Self { vertices: Vec::new(), indices: Vec::new(), textured: false };
-        for t in (0..mesh.triangle_count()).filter(|&t| wanted(t)) {
-            let [a, b, c] = mesh.triangle(t);
+        for t in (0..mesh.file_triangle_count()).filter(|&t| wanted(t)) {
+            let corners = mesh.file_triangle(t);
+            let [a, b, c] = corners.map(|c| mesh.representative(c.vertex));
             if a == b || b == c || c == a {
                 continue;
             }
-            for corner in mesh.file_triangle_corners(t) {
+            for corner in corners {
                 let own = mesh.normals.get(corner.normal as usize).and_then(|n| n.try_normalize());
                 let normal = own.unwrap_or_else(|| smooth[mesh.representative(corner.vertex) as usize]).as_vec3();
                 // Adding zero makes -0 equal to 0.

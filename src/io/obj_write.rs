@@ -94,10 +94,10 @@ fn write_vertices(mesh: &Mesh, w: &mut impl Write) -> std::io::Result<()> {
             None => writeln!(w, "v {:?} {:?} {:?}", p.x, p.y, p.z)?,
         }
     }
-    for t in &mesh.texcoords {
+    for t in mesh.file_texcoords() {
         writeln!(w, "vt {:?} {:?}", t.x, t.y)?;
     }
-    for n in &mesh.normals {
+    for n in mesh.file_normals() {
         writeln!(w, "vn {:?} {:?} {:?}", n.x, n.y, n.z)?;
     }
     Ok(())

@@ -103,14 +103,16 @@ pub fn read_points(path: impl AsRef<Path>, mesh: &Mesh) -> Result<(Vec<SurfacePo
         let fail = |what: String| table.fail(row, what, REMEDY);
         let cell = table.cell(row, face);
         let face = cell.parse::<u32>().map_err(|_| fail(format!("{:?} is not a face index", shortened(cell))))?;
-        if face as usize >= mesh.triangle_count() {
-            return Err(fail(format!("face {face} of the {} of {}", mesh.triangle_count(), mesh.name)));
+        let count = mesh.file_triangle_count();
+        if face as usize >= count {
+            return Err(fail(format!("face {face} of the {count} of {}", mesh.name)));
         }
         let number = |column: usize| {
             let what = || format!("{:?} is not a number", shortened(table.cell(row, column)));
             table.number(row, column).ok_or_else(|| fail(what()))
         };
-        Ok(SurfacePoint::new(face, normalised([number(a)?, number(b)?, number(c)?]).map_err(fail)?))
+        let place = normalised([number(a)?, number(b)?, number(c)?]).map_err(fail)?;
+        Ok(mesh.point_from_file(SurfacePoint::new(face, place)))
     };
     let points = (0..table.len()).map(point).collect::<Result<_>>()?;
     Ok((points, Answered::new(table, &found)))

@@ -175,7 +175,7 @@ fn say_suggestions(session: &Session<'_>, source: &Surface, target: &Surface, su
             || "none".to_owned(),
             |g| {
                 let p = g.position(&source.mesh);
-                format!("{} ({:.4}, {:.4}, {:.4})", g.face, p.x, p.y, p.z)
+                format!("{} ({:.4}, {:.4}, {:.4})", source.mesh.point_in_file(g).face, p.x, p.y, p.z)
             },
         );
         let at = format!("({:.4}, {:.4}, {:.4})", at.x, at.y, at.z);
@@ -254,7 +254,9 @@ fn fill(
         .iter()
         .map(|s| {
             let guess = s.guess.map(|g| {
-                json!({"face": g.face, "barycentric": g.barycentric, "position": g.position(&source.mesh).to_array()})
+                let here = source.mesh.point_in_file(g);
+                let position = g.position(&source.mesh).to_array();
+                json!({"face": here.face, "barycentric": here.barycentric, "position": position})
             });
             json!({"target": {"vertex": s.vertex}, "source": guess, "expected_error": s.expected_error})
         })

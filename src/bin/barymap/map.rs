@@ -85,7 +85,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     };
     session.watch.lap("map");
     let onto = if arguments.inverse { &target.mesh } else { &source.mesh };
-    let at = |p: SurfacePoint| (p, p.position(onto));
+    let at = |p: SurfacePoint| (onto.point_in_file(p), p.position(onto));
     let rows: Vec<MapRow> = images
         .iter()
         .enumerate()

@@ -171,12 +171,13 @@ fn write(
         Format::Obj => write_polyline_obj(&runs, path),
         Format::Ply => {
             let values = |f: &dyn Fn(&barymap::tools::spline::CurvePoint) -> f64| curve.points().map(f).collect();
+            let in_file = |p: &barymap::tools::spline::CurvePoint| surface.mesh.point_in_file(p.point);
             let mut properties = vec![
                 PointProperty { name: "parameter", values: values(&|p| p.parameter) },
-                PointProperty { name: "face", values: values(&|p| f64::from(p.point.face)) },
+                PointProperty { name: "face", values: values(&|p| f64::from(in_file(p).face)) },
             ];
             for (k, name) in ["b0", "b1", "b2"].into_iter().enumerate() {
-                properties.push(PointProperty { name, values: values(&|p| p.point.barycentric[k]) });
+                properties.push(PointProperty { name, values: values(&|p| in_file(p).barycentric[k]) });
             }
             write_polyline_ply(&runs, &properties, path)
         }

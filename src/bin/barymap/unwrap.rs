@@ -224,7 +224,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         d.stretch_p95
     ));
     let mut written = session.report("unwrap");
-    written["faces"] = json!(surface.mesh.triangle_count());
+    written["faces"] = json!(surface.mesh.file_triangle_count());
     written["unwrap"] = describe_unwrap(&report);
     session.write_report(&written)
 }

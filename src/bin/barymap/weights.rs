@@ -96,7 +96,7 @@ pub(crate) fn forward(common: &Common, arguments: &ForwardArguments) -> Result<(
     if missing > 0 {
         session.warn(&format!("{missing} averages have no projection nearby; their nearest vertex stands in"));
     }
-    let points: Vec<SurfacePoint> = found.iter().map(|p| p.point).collect();
+    let points: Vec<SurfacePoint> = found.iter().map(|p| surface.mesh.point_in_file(p.point)).collect();
     barymap::io::points::write_points(&arguments.output, &points, &table)?;
     session.say(&format!("{}: {} averages of {} anchors", arguments.output.display(), points.len(), anchors.len()));
     let mut report = session.report("average");

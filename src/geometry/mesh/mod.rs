@@ -1,11 +1,16 @@
 //! Polygon meshes as files hold them, seen as triangles.
 
+mod builder;
+mod file;
+
 use std::collections::{BTreeMap, HashMap};
 
 use glam::{DVec2, DVec3};
 
+pub use builder::MeshBuilder;
+
 use super::material::Material;
-use super::triangulate::triangulate;
+use super::pieces::Pieces;
 
 /// Marks a missing index (no texture coordinate, no neighbour).
 pub const NONE: u32 = u32::MAX;
@@ -29,6 +34,8 @@ pub struct Corner {
 /// Triangle indices count them polygon by polygon in file order, those of one polygon in the order
 /// of their lowest, then middle, then highest corner, which is also the order in which a triangle
 /// names its corners. Degenerate triangles keep their number, and moving vertices changes none.
+/// Triangles that are cut at T-junctions ([`crate::geometry::weld`]) have pieces beyond the
+/// triangles of the file ([`Mesh::file_triangle_count`]).
 /// Positions are in the file's units and axes; texture row v = 1 is the top of the picture.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
@@ -64,6 +71,8 @@ pub struct Mesh {
     /// Corner indices of each triangle.
     triangles: Vec<[u32; 3]>,
     triangle_polygon: Vec<u32>,
+    /// Triangles that are cut; their further corners come after those of the polygons.
+    pieces: Pieces,
 }
 
 impl Mesh {
@@ -82,9 +91,14 @@ impl Mesh {
         self.positions.len()
     }
 
-    /// Number of triangles, degenerate ones included.
+    /// Number of triangles, degenerate ones included, and the pieces of those that are cut.
     pub fn triangle_count(&self) -> usize {
         self.triangles.len()
+    }
+
+    /// Number of triangles of the file, degenerate ones included; they come first.
+    pub fn file_triangle_count(&self) -> usize {
+        self.triangles.len() - self.pieces.beyond()
     }
 
     /// Number of polygons.
@@ -137,10 +151,15 @@ impl Mesh {
         self.triangles[t].map(|c| self.corners[c as usize].vertex)
     }
 
-    /// Where the three corners of triangle `t` stand in its polygon, ascending.
+    /// Where the three corners of triangle `t` of the file stand in its polygon, ascending.
     pub fn triangle_places(&self, t: usize) -> [usize; 3] {
         let first = self.polygon_start[self.triangle_polygon[t] as usize];
-        self.triangles[t].map(|c| (c - first) as usize)
+        self.whole_triangle(t).map(|c| (c - first) as usize)
+    }
+
+    /// The corners of triangle `t` of the file, cut or not.
+    fn whole_triangle(&self, t: usize) -> [u32; 3] {
+        self.pieces.whole(t as u32).unwrap_or(self.triangles[t])
     }
 
     /// The vertices of all triangles.
@@ -176,6 +195,8 @@ impl Mesh {
                 });
             }
         }
+        self.pieces.texcoords = 0;
+        self.renew_further_corners();
     }
 
     /// Whether some triangle has texture coordinates.
@@ -216,259 +237,26 @@ impl Mesh {
         sum / (3 * n) as f64
     }
 
-    /// Joins vertices: `representatives[v]` stands for `v` in everything that is computed.
-    ///
-    /// Files repeat a vertex where texture coordinates or normals differ, or for every face. The
-    /// surface is one there. Vertices keep their numbers and positions. Corners, and so triangles
-    /// and topology, name the representative. What it stands for becomes a vertex of no triangle,
-    /// and [`Mesh::file_polygon`] still gives the corners of the file. A second call replaces the
-    /// first. O(corners).
-    ///
-    /// # Panics
-    /// If the length differs from the number of vertices, a representative comes after a vertex
-    /// that it stands for, or does not stand for itself.
-    pub fn join(&mut self, representatives: Vec<u32>) {
-        assert_eq!(representatives.len(), self.positions.len(), "one representative a vertex");
-        for (v, &r) in representatives.iter().enumerate() {
-            assert!(r as usize <= v && representatives[r as usize] == r, "vertex {v} is represented by {r}");
-        }
-        if self.file_vertices.is_empty() {
-            self.file_vertices = self.corners.iter().map(|c| c.vertex).collect();
-        }
-        for (corner, &v) in self.corners.iter_mut().zip(&self.file_vertices) {
-            corner.vertex = representatives[v as usize];
-        }
-        self.representatives = representatives;
-        if !self.has_joined_vertices() {
-            (self.file_vertices, self.representatives) = (Vec::new(), Vec::new());
-        }
-    }
-
-    /// Joins vertices as they are joined in `other`, which has the same vertices.
-    ///
-    /// # Panics
-    /// If the numbers of vertices differ.
-    pub fn join_as(&mut self, other: &Self) {
-        assert_eq!(self.vertex_count(), other.vertex_count(), "the same vertices");
-        self.join((0..self.vertex_count() as u32).map(|v| other.representative(v)).collect());
-    }
-
-    /// Whether the polygons name the same vertices of their files, in the same order.
-    pub fn has_polygons_of(&self, other: &Self) -> bool {
-        let vertices = |m: &Self, p: usize| m.file_polygon(p).map(|c| c.vertex).collect::<Vec<_>>();
-        self.vertex_count() == other.vertex_count()
-            && self.polygon_start == other.polygon_start
-            && (0..self.polygon_count()).all(|p| vertices(self, p) == vertices(other, p))
-    }
-
-    /// Takes the triangles and the joined vertices of `other`, which has the same polygons: the
-    /// numbers of a triangulation depend on positions, and shapes of one connectivity need one.
-    ///
-    /// # Panics
-    /// If the numbers of vertices or corners differ.
-    pub fn connect_as(&mut self, other: &Self) {
-        assert_eq!(self.corners.len(), other.corners.len(), "the same polygons");
-        self.triangles.clone_from(&other.triangles);
-        self.triangle_polygon.clone_from(&other.triangle_polygon);
-        self.join_as(other);
-    }
-
     /// The same mesh with what `change` makes of the texture coordinate and normal of each corner;
     /// the vertices stay.
     pub fn with_corners(&self, mut change: impl FnMut(Corner) -> Corner) -> Self {
         let mut mesh = self.clone();
-        for corner in &mut mesh.corners {
+        let corners = mesh.polygon_corners();
+        for corner in &mut mesh.corners[..corners] {
             *corner = Corner { vertex: corner.vertex, ..change(*corner) };
         }
+        mesh.renew_further_corners();
         mesh
-    }
-
-    /// Whether a vertex stands for another one.
-    pub fn has_joined_vertices(&self) -> bool {
-        self.representatives.iter().enumerate().any(|(v, &r)| v != r as usize)
-    }
-
-    /// The vertex that stands for `v` in everything that is computed: the lowest of those joined
-    /// with it, or `v` itself.
-    pub fn representative(&self, v: u32) -> u32 {
-        self.representatives.get(v as usize).copied().unwrap_or(v)
-    }
-
-    /// Whether `v` is repeated by the file: another vertex stands for it.
-    pub fn is_repeated(&self, v: u32) -> bool {
-        self.representative(v) != v
-    }
-
-    /// Moves every joined vertex as its representative was moved from `self` to `positions`.
-    pub fn spread_positions(&self, positions: &mut [DVec3]) {
-        for v in 0..self.representatives.len().min(positions.len()) {
-            let r = self.representatives[v] as usize;
-            if r != v {
-                // Exactly the same place where they lie on one another.
-                positions[v] = positions[r] + (self.positions[v] - self.positions[r]);
-            }
-        }
-    }
-
-    /// As [`Mesh::spread`], for rows of `columns` values.
-    pub fn spread_rows<T: Copy>(&self, columns: usize, values: &mut [T]) {
-        for v in 0..self.representatives.len().min(values.len() / columns.max(1)) {
-            let r = self.representatives[v] as usize;
-            if r != v {
-                values.copy_within(r * columns..(r + 1) * columns, v * columns);
-            }
-        }
-    }
-
-    /// Gives every joined vertex what its representative has. `values` holds one entry a vertex.
-    pub fn spread<T: Clone>(&self, values: &mut [T]) {
-        for v in 0..self.representatives.len().min(values.len()) {
-            let r = self.representatives[v] as usize;
-            if r != v {
-                values[v] = values[r].clone();
-            }
-        }
-    }
-
-    /// The corners of polygon `p` with the vertices of the file, joined or not: what a writer
-    /// needs.
-    pub fn file_polygon(&self, p: usize) -> impl ExactSizeIterator<Item = Corner> + '_ {
-        let range = self.polygon_start[p] as usize..self.polygon_start[p + 1] as usize;
-        range.map(|c| {
-            let vertex = self.file_vertices.get(c).copied().unwrap_or(self.corners[c].vertex);
-            Corner { vertex, ..self.corners[c] }
-        })
-    }
-
-    /// The three corners of triangle `t` with the vertices of the file, joined or not.
-    pub fn file_triangle_corners(&self, t: usize) -> [Corner; 3] {
-        self.triangles[t].map(|c| {
-            let corner = self.corners[c as usize];
-            Corner { vertex: self.file_vertices.get(c as usize).copied().unwrap_or(corner.vertex), ..corner }
-        })
     }
 
     /// Smallest and largest coordinates of the used vertices; `None` without any.
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
-        self.corners.iter().map(|c| self.positions[c.vertex as usize]).fold(None, |b, p| match b {
-            None => Some((p, p)),
-            Some((lo, hi)) => Some((lo.min(p), hi.max(p))),
+        self.corners[..self.polygon_corners()].iter().map(|c| self.positions[c.vertex as usize]).fold(None, |b, p| {
+            match b {
+                None => Some((p, p)),
+                Some((lo, hi)) => Some((lo.min(p), hi.max(p))),
+            }
         })
-    }
-}
-
-/// Builds a [`Mesh`] polygon by polygon.
-///
-/// Indices are not checked here: a reader checks them where it knows the line (`io`), and
-/// [`MeshBuilder::build`] panics on an index out of range, which is a bug of the reader.
-#[derive(Debug, Default)]
-pub struct MeshBuilder {
-    /// Positions, texture coordinates, normals, materials and groups are filled in directly.
-    pub mesh: Mesh,
-    /// Material of the polygons that follow, or [`NONE`].
-    pub material: u32,
-    /// Group of the polygons that follow, or [`NONE`].
-    pub group: u32,
-    /// Object of the polygons that follow, an index of the groups, or [`NONE`].
-    pub object: u32,
-    /// Smoothing group of the polygons that follow, 0 for none, or [`NONE`].
-    pub smoothing: u32,
-    /// Polygons that have their triangles.
-    triangulated: usize,
-    /// Joined vertices of a mesh that is built on.
-    joined: Vec<u32>,
-}
-
-impl MeshBuilder {
-    /// An empty mesh.
-    pub fn new(name: impl Into<String>) -> Self {
-        Self::of(Mesh { name: name.into(), polygon_start: vec![0], ..Mesh::default() })
-    }
-
-    fn of(mesh: Mesh) -> Self {
-        let (material, group, object, smoothing) = (NONE, NONE, NONE, NONE);
-        Self { mesh, material, group, object, smoothing, triangulated: 0, joined: Vec::new() }
-    }
-
-    /// An empty mesh with the name, materials and groups of another.
-    pub fn like(mesh: &Mesh) -> Self {
-        let mut builder = Self::new(mesh.name.clone());
-        builder.mesh.materials.clone_from(&mesh.materials);
-        builder.mesh.groups.clone_from(&mesh.groups);
-        builder.mesh.spellings.clone_from(&mesh.spellings);
-        builder
-    }
-
-    /// Gives the polygons that follow what polygon `p` of another mesh has: material, group, object
-    /// and smoothing.
-    pub fn follow(&mut self, mesh: &Mesh, p: usize) {
-        (self.material, self.group) = (mesh.polygon_material(p), mesh.polygon_group(p));
-        (self.object, self.smoothing) = (mesh.polygon_object(p), mesh.polygon_smoothing(p));
-    }
-
-    /// Replaces the material of every polygon that has one.
-    pub fn map_materials(&mut self, new: impl Fn(u32) -> u32) {
-        self.mesh.polygon_material.iter_mut().filter(|m| **m != NONE).for_each(|m| *m = new(*m));
-    }
-
-    /// Adds to a mesh, whose numbers, triangles and joined vertices stay.
-    pub fn onto(mut mesh: Mesh) -> Self {
-        let joined = mesh.representatives.clone();
-        mesh.join((0..mesh.vertex_count() as u32).collect());
-        Self { triangulated: mesh.polygon_count(), joined, ..Self::of(mesh) }
-    }
-
-    /// Appends a polygon. Fewer than three corners make a polygon without triangles.
-    pub fn polygon(&mut self, corners: impl IntoIterator<Item = Corner>) {
-        let m = &mut self.mesh;
-        m.corners.extend(corners);
-        m.polygon_start.push(m.corners.len() as u32);
-        m.polygon_material.push(self.material);
-        m.polygon_group.push(self.group);
-        m.polygon_object.push(self.object);
-        m.polygon_smoothing.push(self.smoothing);
-    }
-
-    /// Whether some polygon has three corners or more.
-    pub fn has_faces(&self) -> bool {
-        self.mesh.polygon_start.windows(2).any(|w| w[1] - w[0] > 2)
-    }
-
-    /// All corners so far, for readers that can check an index only at the end of the file.
-    pub fn corners_mut(&mut self) -> &mut [Corner] {
-        &mut self.mesh.corners
-    }
-
-    /// The finished mesh, with its triangles. O(corners log corners) at worst.
-    ///
-    /// # Panics
-    /// If a corner, material or group index is out of range.
-    pub fn build(self) -> Mesh {
-        let mut m = self.mesh;
-        let ok = |i: u32, n: usize| i == NONE || (i as usize) < n;
-        for c in &m.corners {
-            assert!((c.vertex as usize) < m.positions.len(), "vertex {} of {}", c.vertex, m.positions.len());
-            assert!(
-                ok(c.texcoord, m.texcoords.len()) && ok(c.normal, m.normals.len()),
-                "corner attribute out of range"
-            );
-        }
-        assert!(m.polygon_material.iter().all(|&i| ok(i, m.materials.len())), "material out of range");
-        let groups = m.polygon_group.iter().chain(&m.polygon_object);
-        assert!(groups.into_iter().all(|&i| ok(i, m.groups.len())), "group out of range");
-        for p in self.triangulated..m.polygon_count() {
-            let first = m.polygon_start[p];
-            let positions: Vec<DVec3> = m.polygon(p).iter().map(|c| m.positions[c.vertex as usize]).collect();
-            let triangles = if positions.len() < 3 { Vec::new() } else { triangulate(&positions) };
-            m.triangle_polygon.extend(triangles.iter().map(|_| p as u32));
-            m.triangles.extend(triangles.into_iter().map(|t| t.map(|k| first + k)));
-        }
-        if !self.joined.is_empty() {
-            let mut joined = self.joined;
-            joined.extend(joined.len() as u32..m.vertex_count() as u32);
-            m.join(joined);
-        }
-        m
     }
 }
 
@@ -513,7 +301,7 @@ mod tests {
         let moved: Vec<DVec3> = mesh.positions.iter().map(|p| *p * 2.0).collect();
         let mut spread = moved.clone();
         (spread[3], spread[4]) = (DVec3::ONE, DVec3::ONE);
-        mesh.spread_positions(&mut spread);
+        mesh.spread_positions(&mut spread, |_| false);
         assert_eq!(spread, moved);
     }
 

@@ -4,13 +4,18 @@ use super::sides::{Pair, Side};
 use crate::geometry::Topology;
 use crate::geometry::union_find::UnionFind;
 
-/// The representative of every vertex once all `pairs` are joined that leave the surface a surface;
-/// and the number of pairs that are one edge then.
+/// The representative of every vertex once all `pairs` of sides, and `joins` of vertices, are
+/// joined that leave the surface a surface; and the number of pairs that are one edge then.
 ///
 /// A set of vertices is taken apart again if a triangle would have two corners in it, or if an
 /// inner edge that ends in it would get more triangles than its two. Each round takes some apart,
 /// so there is an end; one round is the rule.
-pub(super) fn representatives(topology: &Topology, sides: &[Side], pairs: &[Pair]) -> (Vec<u32>, usize) {
+pub(super) fn representatives(
+    topology: &Topology,
+    sides: &[Side],
+    pairs: &[Pair],
+    joins: &[Pair],
+) -> (Vec<u32>, usize) {
     let mut apart = vec![false; topology.vertex_count()];
     let mut open = vec![[false; 3]; topology.triangles.len()];
     for side in sides {
@@ -33,6 +38,7 @@ pub(super) fn representatives(topology: &Topology, sides: &[Side], pairs: &[Pair
             join(s.from, t.to);
             join(s.to, t.from);
         }
+        joins.iter().for_each(|&(a, b)| join(a, b));
         let root: Vec<u32> = (0..topology.vertex_count() as u32).map(|v| sets.root(v)).collect();
         let bad = faults(topology, &root, &open);
         if bad.is_empty() {

@@ -20,16 +20,20 @@
 //!    coordinates or normals differ across it, the loop lies on another loop (charts, faces of
 //!    their own), a part of it lies on nothing (the seam reaches an open border), or it branches. A
 //!    loop that folds wholly onto itself, as one path without branches, with equal corners on both
-//!    sides, has no such reason and is a slit.
+//!    sides, has no such reason and is a slit. Normals that differ count although those of closed
+//!    lips do as well, each side's being made by itself: among files with normals and without
+//!    texture coordinates, seams whose coordinates were dropped are commoner than lips, and a note
+//!    tells what is joined.
 //! 5. Vertices that lie apart in another layer stay apart: a morph target, or a second mesh of the
 //!    same faces.
 //! 6. Two faces back to back, with three common places, are two sheets and are not folded at their
 //!    border. What would make an inner edge have more than two triangles, or a triangle have two
 //!    equal corners, stays apart.
 //!
-//! A T-junction, where an open edge runs along several shorter ones, stays cut: the long edge would
-//! need a corner more, and face numbers are those of the file. It is counted, so that it can be
-//! told.
+//! 7. Where open edges run along one another and end at different places (T-junctions), the
+//!    vertices on an edge become corners of its triangle, which is cut into pieces ([`Mesh`]). The
+//!    numbers of the file stay, and what is written has its faces; vertices that are moved stay on
+//!    the edges that they lie on.
 //!
 //! Positions are equal within rounding ([`ROUNDING`]), so that a point computed twice is one point.
 //! Within a tolerance of the user's, edges that are still open are joined with the nearest one, if
@@ -37,6 +41,8 @@
 //! position.
 
 mod grouping;
+#[cfg(test)]
+mod junction_tests;
 mod junctions;
 mod pairing;
 mod places;
@@ -79,8 +85,10 @@ pub struct Welded {
     pub crowded: usize,
     /// Pairs of open edges in closed slits; they stay apart.
     pub slits: usize,
-    /// Open edges that run along several shorter ones; they stay apart.
+    /// Open edges on which others end; their triangles are cut there.
     pub junctions: usize,
+    /// Those whose ends may not be joined; they stay apart.
+    pub cracks: usize,
 }
 
 impl Welded {
@@ -117,9 +125,17 @@ impl Welded {
         }
         if self.junctions > 0 {
             said.push(format!(
-                "{} along several shorter ones (T-junctions): the surface is cut there, and what lies beside is less reliable; \
-                 split the long edges at the corners on them",
-                counted(self.junctions, "open edge runs", "open edges run")
+                "{} along several shorter ones (T-junctions) and {} joined with them for the computation; faces stay \
+                 those of the file",
+                counted(self.junctions, "open edge runs", "open edges run"),
+                if self.junctions == 1 { "is" } else { "are" }
+            ));
+        }
+        if self.cracks > 0 {
+            said.push(format!(
+                "{} along several shorter ones (T-junctions) and stay apart: split the long edges at the corners on \
+                 them",
+                counted(self.cracks, "open edge runs", "open edges run")
             ));
         }
         said
@@ -144,7 +160,7 @@ pub fn weld_alike(meshes: &mut [Mesh], rule: Weld) -> Result<()> {
 }
 
 /// Joins the vertices of `mesh` that are one point of the surface ([`Mesh::join`]), by the rule of
-/// this module.
+/// this module, and cuts triangles at T-junctions.
 ///
 /// `layers` are further positions of the same vertices, such as morph targets: vertices are joined
 /// only if they are equal in all of them. An earlier join is replaced. O((V + F) log (V + F)) for
@@ -181,10 +197,25 @@ pub fn weld(mesh: &mut Mesh, weld: Weld, layers: &[&[DVec3]]) -> Result<Welded> 
     if let Some(tolerance) = wide {
         pairing::nearest(&sides, &all, tolerance, &mut found);
     }
-    let junctions = junctions::count(&sides, &found.alone(), &place, &mesh.positions);
+    let size = mesh.bounds().map_or(0.0, |(low, high)| low.distance(high));
+    let zips = junctions::zips(&sides, &found.alone(), &place, &all, size);
     let (pairs, slits) = sides::without_slits(mesh, &topology, &sides, found.pairs);
-    let (representatives, edges) = grouping::representatives(&topology, &sides, &pairs);
-    let vertices = representatives.iter().enumerate().filter(|(v, r)| *v != **r as usize).count();
+    let joins: Vec<sides::Pair> = zips.iter().flat_map(|zip| &zip.joins).copied().collect();
+    let (representatives, edges) = grouping::representatives(&topology, &sides, &pairs, &joins);
+    let closes = |zip: &&junctions::Zip| {
+        let one = |a: u32, b: u32| representatives[a as usize] == representatives[b as usize];
+        let corners = |t: u32| topology.triangles[t as usize];
+        zip.joins.iter().all(|&(a, b)| one(a, b))
+            && zip.cuts.iter().all(|cut| corners(cut.triangle).iter().all(|&c| !one(c, cut.vertex)))
+    };
+    let (closed, open): (Vec<_>, Vec<_>) = zips.iter().partition(closes);
+    let count = |zips: &[&junctions::Zip]| zips.iter().map(|zip| zip.edges).sum();
+    let mut welded = Welded { edges, turned: found.turned, crowded: found.crowded, slits, ..Welded::default() };
+    (welded.junctions, welded.cracks) = (count(&closed), count(&open));
+    welded.vertices = representatives.iter().enumerate().filter(|(v, r)| *v != **r as usize).count();
+    let mut cuts: Vec<_> = closed.iter().flat_map(|zip| &zip.cuts).copied().collect();
+    cuts.sort_by(|a, b| (a.triangle, a.corner).cmp(&(b.triangle, b.corner)).then(a.along.total_cmp(&b.along)));
     mesh.join(representatives);
-    Ok(Welded { vertices, edges, turned: found.turned, crowded: found.crowded, slits, junctions })
+    mesh.cut(&cuts);
+    Ok(welded)
 }

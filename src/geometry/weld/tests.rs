@@ -7,12 +7,12 @@ use crate::geometry::{Corner, Diagnosis, MeshBuilder, NONE};
 use crate::models::shapes::uv_sphere;
 
 /// A mesh of triangles over points.
-fn mesh(positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> Mesh {
+pub(super) fn mesh(positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> Mesh {
     Mesh::from_triangles("m", positions.iter().map(|p| DVec3::from(*p)).collect(), triangles)
 }
 
 /// Every face with vertices of its own, in the order of the faces.
-fn shattered(welded: &Mesh) -> Mesh {
+pub(super) fn shattered(welded: &Mesh) -> Mesh {
     rebuilt(welded, |t, _| t as u32)
 }
 
@@ -49,13 +49,13 @@ fn assert_joined_as(mesh: &Mesh, truth: &Mesh) {
     }
 }
 
-fn diagnosis(mesh: &Mesh) -> Diagnosis {
+pub(super) fn diagnosis(mesh: &Mesh) -> Diagnosis {
     Diagnosis::new(mesh, &Topology::new(mesh))
 }
 
 /// A grid of `n` x `n` squares of two triangles with texture coordinates; columns `x` and rows `y`
 /// of vertices.
-fn grid(n: u32) -> Mesh {
+pub(super) fn grid(n: u32) -> Mesh {
     let mut builder = MeshBuilder::new("grid");
     for y in 0..=n {
         for x in 0..=n {
@@ -307,33 +307,6 @@ fn another_layer_keeps_vertices_apart() {
     assert!(report.edges > 0);
     let d = diagnosis(&mesh);
     assert_eq!((d.components.len(), d.boundary_loops()), (2, 2));
-}
-
-#[test]
-fn t_junctions_are_counted() {
-    // A triangle below an edge of length 4, and three above it with corners at 1 and 3.
-    let p = [
-        [0.0; 3],
-        [4.0, 0.0, 0.0],
-        [2.0, -1.0, 0.0],
-        [0.0; 3],
-        [1.0, 0.0, 0.0],
-        [3.0, 0.0, 0.0],
-        [4.0, 0.0, 0.0],
-        [2.0, 2.0, 0.0],
-    ];
-    let mut cracked = mesh(&p, &[[1, 0, 2], [3, 4, 7], [4, 5, 7], [5, 6, 7]]);
-    let report = weld(&mut cracked, Weld::Exact, &[]).unwrap();
-    assert_eq!((report.junctions, report.vertices), (1, 0));
-    assert!(report.notes()[0].contains("T-junction"));
-    // A corner that stands off the edge makes a hole, which is no junction.
-    let mut hole = p;
-    hole[4][1] = 0.1;
-    assert_eq!(
-        weld(&mut mesh(&hole, &[[1, 0, 2], [3, 4, 7], [4, 5, 7], [5, 6, 7]]), Weld::Exact, &[]).unwrap().junctions,
-        0
-    );
-    assert_eq!(weld(&mut grid(4), Weld::Exact, &[]).unwrap().junctions, 0);
 }
 
 #[test]

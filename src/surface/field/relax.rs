@@ -59,7 +59,8 @@ fn pin_weight(bending: &Bending) -> f64 {
 /// coordinates, so the system is not solved but iterated with the steps: `M d` stands on the left
 /// for `M N d`, and what the last step did along the surface, `M (1 - N) d`, on the right. One
 /// solve a step, and where steps no longer change they are those of the whole system. What it gains
-/// over pulling to the points themselves stands in docs/methods.md. Vertices that are not `used` stay.
+/// over pulling to the points themselves stands in docs/methods.md. Vertices that are not `used`
+/// stay.
 ///
 /// Gives the triangle of the source each image is nearest to. 18 steps. The closest points, with
 /// normals ([`Relief`]), begin exactly and follow their point from then on; at each stiffness they

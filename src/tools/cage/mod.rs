@@ -174,11 +174,12 @@ fn near_origin(
 ///
 /// # Errors
 /// [`Error::Input`] for another number of positions.
-pub fn pose(mesh: &mut Mesh, positions: Vec<DVec3>) -> Result<()> {
+pub fn pose(mesh: &mut Mesh, mut positions: Vec<DVec3>) -> Result<()> {
     if positions.len() != mesh.vertex_count() {
         let what = format!("{} positions for {} vertices", positions.len(), mesh.vertex_count());
         return Err(Error::input(what, "Give one for every vertex"));
     }
+    mesh.close_junctions(&mut positions, |_| false);
     let rest = std::mem::replace(&mut mesh.positions, positions);
     turn_normals(mesh, &Connectivity::new(mesh), &rest);
     Ok(())

@@ -228,7 +228,7 @@ pub fn with_texcoords(mesh: &Mesh, decal: &Decal, only_patch: bool) -> Mesh {
             builder.mesh.texcoords.push(uv);
         }
     }
-    builder.mesh.normals = mesh.normals.clone();
+    builder.mesh.normals = mesh.file_normals().to_vec();
     for p in (0..mesh.polygon_count()).filter(|&p| shows[p] || !only_patch) {
         builder.follow(mesh, p);
         builder.material = NONE;

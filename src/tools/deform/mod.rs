@@ -213,7 +213,7 @@ impl Deformer {
             result[v as usize] = posed.targets.get(&v).copied().unwrap_or(self.mesh.positions[v as usize]);
         }
         self.followers.place(&self.rest, hierarchy, decoded, |v, p| result[v as usize] = back(p));
-        self.mesh.spread_positions(&mut result);
+        self.mesh.spread_positions(&mut result, |v| posed.targets.contains_key(&v));
         result
     }
 

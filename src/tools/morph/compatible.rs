@@ -115,7 +115,7 @@ pub fn compatible_mesh(
             _ => mesh.positions[v],
         })
         .collect();
-    mesh.spread_positions(&mut made.positions);
+    mesh.spread_positions(&mut made.positions, |_| false);
     made.name = format!("{} on {}", mesh.name, b.0.name);
     let count = |s: Status| {
         found

@@ -282,7 +282,7 @@ impl Morpher {
         for (&v, &p) in self.decoder.hierarchy().order.iter().zip(decoded) {
             result[v as usize] = DVec3::from(p) * self.diagonal + centre;
         }
-        self.first.spread_positions(&mut result);
+        self.first.spread_positions(&mut result, |_| false);
         result
     }
 }

@@ -85,14 +85,26 @@ const ROUNDS: u32 = 6;
 /// Charts are connected, do not overlap, keep within materials, and have equal texel density. They
 /// end at edges of more than two triangles and at boundaries. Triangles without area get a single
 /// point of the texture. A fan of more than 512 triangles around a vertex is unfolded by itself, in
-/// sectors, and copies of a face around such a vertex lie on one another. Deterministic for any number of threads. A mesh of 100,000 triangles takes
-/// seconds.
+/// sectors, and copies of a face around such a vertex lie on one another. Deterministic for any
+/// number of threads. A mesh of 100,000 triangles takes seconds.
 ///
 /// # Errors
 /// [`Error::Option`] for an option out of range; [`Error::Mesh`] if no triangle has an area; if the
 /// charts are too many for the texture's size.
 pub fn unwrap(mesh: &Mesh, topology: &Topology, options: &UnwrapOptions) -> Result<Unwrapped> {
     check(mesh, topology, options)?;
+    if mesh.file_triangle_count() == mesh.triangle_count() {
+        return unwrap_whole(mesh, topology, options);
+    }
+    // Charts are of the faces of the file: at a T-junction there is a seam.
+    let whole = mesh.with_whole_triangles();
+    let mut made = unwrap_whole(&whole, &Topology::new(&whole), options)?;
+    made.mesh.cut_as(mesh);
+    Ok(made)
+}
+
+/// The same for a mesh whose triangles are not cut.
+fn unwrap_whole(mesh: &Mesh, topology: &Topology, options: &UnwrapOptions) -> Result<Unwrapped> {
     let fans = Fans::new(mesh, topology);
     if fans.is_empty() {
         let made = charts(mesh, options)?;

@@ -17,6 +17,8 @@ const PASSED_OVER: &[&str] = &[
     "points",
     "vertices",
     "valid",
+    "doubtful",
+    "failed",
     "residual",
     "seconds",
     "cpu_seconds",
@@ -110,10 +112,11 @@ pub(super) fn unlike_json(at: &str, a: &Value, b: &Value, welded: &[u32], anchor
                 unlike_json(&format!("{at}.{key}"), x, &y[key], welded, numbers)
             })
         }
-        (Value::Array(x), Value::Array(y)) if x.len() == y.len() => {
-            let pairs = x.iter().zip(y).enumerate();
-            pairs.into_iter().find_map(|(i, (x, y))| unlike_json(&format!("{at}[{i}]"), x, y, welded, anchors))
-        }
+        (Value::Array(x), Value::Array(y)) if x.len() == y.len() => x
+            .iter()
+            .zip(y)
+            .enumerate()
+            .find_map(|(i, (x, y))| unlike_json(&format!("{at}[{i}]"), x, y, welded, anchors)),
         (Value::Number(x), Value::Number(y)) if anchors => {
             let same = x.as_u64().and_then(|v| welded.get(v as usize)).map(|w| u64::from(*w)) == y.as_u64();
             (!same).then(|| format!("{at}: vertex {x}, welded {y}"))

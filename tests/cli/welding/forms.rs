@@ -102,3 +102,10 @@ pub(super) fn bent(mesh: &Mesh) -> Mesh {
     }
     mesh
 }
+
+/// The welded form of a mesh among the data.
+pub(super) fn form_of(name: &str) -> Form {
+    let folder = std::path::PathBuf::from(std::env::var_os("BARYMAP_DATA").unwrap());
+    let [welded, ..] = forms(&barymap::io::read_mesh(folder.join(name)).unwrap().mesh);
+    welded
+}

@@ -3,7 +3,9 @@
 
 mod commands;
 mod compare;
+mod formats;
 mod forms;
+mod junctions;
 
 use barymap::geometry::{Corner, Mesh, MeshBuilder, NONE};
 use barymap::io::{read_mesh, write_image, write_obj};
@@ -14,7 +16,7 @@ use serde_json::json;
 use crate::support::{Folder, waves};
 use commands::{Command, DRAWINGS, MAPS, SHAPES, SLOW};
 use compare::{unlike, unlike_rows};
-use forms::forms;
+use forms::{bent, forms};
 
 /// All forms of `mesh` give the same in every one of `commands`, to the last bit; a command that
 /// fails does so for all. Returns those that do.
@@ -125,12 +127,14 @@ fn a_flat_shaded_sphere_is_mapped_and_apart_it_does_not_panic() {
     let picked: Vec<usize> = (0..32).map(|k| k * mesh.triangle_count() / 32).collect();
     for form in [&welded, &faces] {
         write_obj(&form.mesh, f.path(&format!("{}.obj", form.name))).unwrap();
-        let list: Vec<u32> = picked.iter().map(|&t| form.mesh.triangle(t)[0]).collect();
+        // Another shape: the map of a mesh onto itself is known whatever hangs together.
+        write_obj(&bent(&form.mesh), f.path(&format!("{}_t.obj", form.name))).unwrap();
+        let list: Vec<_> = picked.iter().map(|t| json!({"face": t, "barycentric": [0.5, 0.3, 0.2]})).collect();
         f.write(&format!("{}.json", form.name), &json!({"source": list, "target": list}).to_string());
     }
     let transfer = |name: &str, extra: &str| {
         f.run(&format!(
-            "transfer --source {name}.obj --target {name}.obj --texture s.png --anchors {name}.json --size 96 -o {name}.png \
+            "transfer --source {name}.obj --target {name}_t.obj --texture s.png --anchors {name}.json --size 96 -o {name}.png \
              --report {name}_r.json --landmarks 100 --backend cpu {extra}"
         ))
     };
@@ -142,12 +146,31 @@ fn a_flat_shaded_sphere_is_mapped_and_apart_it_does_not_panic() {
     // Every face alone: those with an anchor are mapped, and nothing else is claimed.
     let ran = transfer("faces", "--weld no").succeeds();
     assert!(ran.stderr.contains(&format!("{} components", mesh.triangle_count())), "{}", ran.stderr);
-    let share = picked.iter().map(|&t| mesh.triangle_area(t)).sum::<f64>() / mesh.area();
+    let target = bent(&faces.mesh);
+    let share = picked.iter().map(|&t| target.triangle_area(t)).sum::<f64>() / target.area();
     let valid = f.json("faces_r.json")["valid_fraction"].as_f64().unwrap();
     assert!((valid - share).abs() < 0.02 * share, "{valid} of {share}");
     let ran = f.run("render faces.obj -o r.png --weld much");
     assert!(ran.code == Some(2) && ran.stderr.contains("--weld"), "{}", ran.stderr);
     f.run("render faces.obj -o r.png --weld 100").fails(2, &["--weld", "mean edge"]);
+}
+
+#[test]
+fn an_anchor_on_several_copies_of_a_vertex_is_one() {
+    let [welded, _, faces] = forms(&uv_sphere(1.0, 16, 10));
+    let f = Folder::empty();
+    write_obj(&faces.mesh, f.path("s.obj")).unwrap();
+    write_obj(&bent(&faces.mesh), f.path("t.obj")).unwrap();
+    let count = welded.mesh.vertex_count();
+    let known = &faces.welded;
+    let copies = |i: usize| (0..known.len()).filter(move |&v| known[v] as usize == i * count / 24);
+    let list: Vec<usize> = (0..24).filter_map(|i| copies(i).next()).chain(copies(5)).chain(copies(11)).collect();
+    f.write("a.json", &json!({"source": list, "target": list}).to_string());
+    let ran = f
+        .run("map --source s.obj --target t.obj --anchors a.json -o m.csv --report r.json --landmarks 60 --backend cpu")
+        .succeeds();
+    assert!(ran.stderr.contains("coincide"), "{}", ran.stderr);
+    assert!(f.json("r.json")["valid_fraction"].as_f64().unwrap() > 0.999);
 }
 
 #[test]
