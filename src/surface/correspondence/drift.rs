@@ -92,6 +92,9 @@ fn left_out<const D: usize>(
         .collect()
 }
 
+/// Anchors nearer to one another than this part of the largest distance are one.
+const SAME: f64 = 1e-9;
+
 /// The expected error at every vertex of the target, in edges of the source. O(V n D + n^2 D^2).
 pub(crate) fn expected_drift<const D: usize>(
     source: &PhongSurface<f64, D>,
@@ -122,8 +125,10 @@ pub(crate) fn spread_drift<const D: usize>(
         .iter()
         .enumerate()
         .map(|(i, l)| {
-            let others = (0..a.len()).filter(|j| *j != i).map(|j| distance_squared(&a[i], &a[j]));
-            let next = others.fold(f64::INFINITY, f64::min).sqrt();
+            let others = || (0..a.len()).filter(|j| *j != i).map(|j| distance_squared(&a[i], &a[j]));
+            // One that is given again, as a copy of its vertex may be, is no other place.
+            let least = SAME * SAME * others().fold(0.0, f64::max);
+            let next = others().filter(|d| *d > least).fold(f64::INFINITY, f64::min).sqrt();
             // A single anchor says nothing.
             if next.is_finite() && !l.is_nan() { l / next.max(f64::MIN_POSITIVE) } else { f64::MAX }
         })
@@ -181,6 +186,22 @@ mod tests {
         turned.positions.iter_mut().for_each(|p| *p = glam::DVec3::new(-p.y, p.x, p.z) + 2.0);
         let drift = drift(&turned, &mesh, 0);
         assert!(drift.iter().all(|&d| d < 1e-5), "{:?}", drift.iter().copied().fold(0.0, f64::max));
+    }
+
+    #[test]
+    fn an_anchor_given_again_changes_nothing_elsewhere() {
+        let mesh = lobed_sphere(3, 0.3);
+        let (surface, points) = surface(&mesh);
+        let mut a: Vec<_> = points.iter().map(|p| surface.embed(p)).collect();
+        let errors = vec![0.01; a.len()];
+        let once = spread_drift(&surface, 1.0, &a, &errors);
+        // Left out, it is where its copy has it, but for rounding.
+        a.push(a[2]);
+        let mut again = errors.clone();
+        again.push(1e-17);
+        again[2] = 1e-17;
+        let twice = spread_drift(&surface, 1.0, &a, &again);
+        assert!(once.iter().zip(&twice).all(|(one, two)| *two <= 2.0 * one + 1e-12));
     }
 
     #[test]
