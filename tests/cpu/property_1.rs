@@ -89,8 +89,8 @@ enum Start {
     Nearest,
 }
 
-/// The points that are not found, with how far off they are said to be.
-fn missed<S: Real>(body: &Body, n: usize, from: &[Start]) -> Vec<String> {
+/// The points that are not found: how far off, in mean edges, and in words.
+fn missed<S: Real>(body: &Body, n: usize, from: &[Start]) -> Vec<(f64, String)> {
     let surface = body.surface();
     let rounded: PhongSurface<S, 8> = surface.cast();
     let nearest = NearestVertex::new(&surface);
@@ -114,7 +114,8 @@ fn missed<S: Real>(body: &Body, n: usize, from: &[Start]) -> Vec<String> {
                 let there = surface.triangle(found.face).point(&found.x.map(|x| x.to_f64()));
                 let off = distance_squared(&there, &y).sqrt();
                 if !(off <= tolerance::<S>(&surface, largest, found.face)) {
-                    missed.push(format!("{distance:.0e}, {from:?}: {p:?} goes to {found:?}, {off:.1e} away"));
+                    let what = format!("{distance:.0e}, {from:?}: {p:?} goes to {found:?}, {off:.1e} away");
+                    missed.push((off, what));
                 }
             }
         }
@@ -149,8 +150,8 @@ fn points_next_to_vertices_and_edges_are_their_own_projections() {
     for mesh in [lobed_sphere(3, 0.3), irregular_plane(20, 15, 3.0, 2.0, Diagonal::Alternating, 0.4, 5)] {
         let body = Body::new(mesh, 200);
         let all = [Itself, Beside, Nearest];
-        assert_eq!(missed::<f64>(&body, 100, &all), Vec::<String>::new(), "{}", body.mesh.name);
-        assert_eq!(missed::<f32>(&body, 100, &all), Vec::<String>::new(), "{}", body.mesh.name);
+        assert_eq!(missed::<f64>(&body, 100, &all), vec![], "{}", body.mesh.name);
+        assert_eq!(missed::<f32>(&body, 100, &all), vec![], "{}", body.mesh.name);
         assert_eq!(averages(&body, 50), Vec::<String>::new());
     }
 }
@@ -167,11 +168,11 @@ fn points_of_real_meshes_are_their_own_projections() {
         "mesh/alligator_6k.obj",
     ] {
         let body = Body::new(load(file), 1000);
-        assert_eq!(missed::<f64>(&body, 100, &[Itself]), Vec::<String>::new(), "{file}");
+        assert_eq!(missed::<f64>(&body, 100, &[Itself]), vec![], "{file}");
         // In single precision the edges of a few triangles of a hundredth of an edge fall between
-        // two triangles.
+        // two triangles; the search finds the root beside them, no farther away than they are long.
         let single = missed::<f32>(&body, 100, &[Itself]);
-        assert!(single.len() <= 2, "{file}: {single:?}");
+        assert!(single.len() <= 2 && single.iter().all(|(off, _)| *off <= 0.01), "{file}: {single:?}");
         assert_eq!(averages(&body, 100), Vec::<String>::new(), "{file}");
     }
 }
