@@ -3,6 +3,11 @@
 //! Kept: `v` with colours, `vt`, `vn`, `f` with negative indices, `g`, `o`, `s`, `usemtl`,
 //! `mtllib`. Lines, points and free-form geometry are passed over. Numbers follow the file: a
 //! vertex index is the position of its `v` line.
+//!
+//! Why not the crate `tobj`: it reads text that is UTF-8 alone, single precision unless a feature
+//! changes it in the whole program, no groups and no smoothing, keeps the options of a picture in
+//! its name, and has no line number for what is wrong. It is the oracle of our tests instead
+//! (`tests/cpu/tobj_oracle.rs`).
 
 mod names;
 

@@ -20,4 +20,5 @@ mod shaders;
 #[path = "../common/similar.rs"]
 mod similar;
 mod similarity;
+mod tobj_oracle;
 mod transfer;
