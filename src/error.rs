@@ -107,6 +107,22 @@ pub enum Error {
         /// What the user can do.
         remedy: String,
     },
+    /// The input was read, and no result comes of it that would be worth writing.
+    #[error("{what}. {remedy}")]
+    Unusable {
+        /// Why not.
+        what: String,
+        /// What the user can do.
+        remedy: String,
+    },
+    /// Some of several results failed; all others are done.
+    #[error("{what}. {remedy}")]
+    Incomplete {
+        /// Which ones failed.
+        what: String,
+        /// What the user can do.
+        remedy: String,
+    },
     /// A numerical step failed (a factorisation that broke down, an embedding that is not finite).
     #[error("{what}. {remedy}")]
     Numeric {
@@ -149,6 +165,11 @@ impl Error {
     /// An [`Error::Option`].
     pub fn option(option: impl Into<String>, what: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::Option { option: option.into(), what: what.into(), remedy: remedy.into() }
+    }
+
+    /// An [`Error::Unusable`].
+    pub fn unusable(what: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self::Unusable { what: what.into(), remedy: remedy.into() }
     }
 
     /// An [`Error::Numeric`].

@@ -92,7 +92,7 @@ fn what_cannot_be_done_is_said() {
     let f = Folder::spheres();
     let before = f.names();
     // A sphere has no limbs.
-    f.run("anchors s.obj t.obj -o o.json --landmarks 100").fails(1, &["limbs", "--anchors"]);
+    f.run("anchors s.obj t.obj -o o.json --landmarks 100").fails(3, &["limbs", "--anchors"]);
     f.run("anchors s.obj t.obj").fails(2, &["--suggest"]);
     f.run("anchors s.obj t.obj -o o.json --count 0 --anchors a.json --landmarks 100").fails(2, &["--count"]);
     f.run("anchors s.obj t.obj -o o.json --count 99999999 --anchors a.json --landmarks 100").fails(2, &["--count"]);
@@ -132,5 +132,5 @@ fn parts_that_cannot_be_paired_are_named() {
         "two.obj",
         "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 5 0 0\nv 6 0 0\nv 5 1 0\nv 5 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\nf 5 7 6\nf 5 6 8\nf 5 8 7\nf 6 7 8\n",
     );
-    f.run("anchors s.obj two.obj -o o.json --landmarks 100").fails(1, &["components", "--anchors"]);
+    f.run("anchors s.obj two.obj -o o.json --landmarks 100").fails(3, &["components", "--anchors"]);
 }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
+use barymap::io::write_image;
 use serde_json::Value;
 
 use crate::support::{Folder, stretched, waves};
@@ -131,7 +132,7 @@ fn one_bad_item_does_not_stop_the_others() {
     f.write("in/d.obj", &plain);
     fs::create_dir_all(f.path("out/e")).unwrap();
     f.write("out/e/mine.txt", "not a result");
-    let ran = f.run(&format!("{BATCH} -o out --report r.json")).fails(1, &["5 of 6 targets failed", "a, b, c, d, e"]);
+    let ran = f.run(&format!("{BATCH} -o out --report r.json")).fails(4, &["5 of 6 targets failed", "a, b, c, d, e"]);
     let report = f.json("r.json");
     assert_eq!((report["failed"].as_u64(), report["done"].as_u64()), (Some(5), Some(1)));
     for (name, part) in
@@ -169,4 +170,58 @@ fn lists_name_their_items() {
     for names in ["--coverage item.json", "--coverage s.png", "--model x/m.glb", "--coverage c.png --model c.png"] {
         f.run(&format!("{BATCH} -o other {names}")).fails(2, &["folder of each result"]);
     }
+}
+
+#[test]
+fn files_may_be_named_in_several_ways() {
+    let f = targets(&["a"]);
+    f.run(&format!("{BATCH} -o out --report r.json")).succeeds();
+    let folder = f.path("");
+    let whole = |name: &str| folder.join(name).display().to_string();
+    let other = BATCH
+        .replace("--source s.obj", "--source ./s.obj")
+        .replace("--texture s.png", &format!("--texture {}", whole("s.png")))
+        .replace("--targets in", &format!("--targets {}", whole("in")));
+    f.run(&format!("{other} -o ./out --report r.json")).succeeds();
+    assert_eq!(status(&f.json("r.json"), "a"), "skipped");
+    // Another content under the same name is another result.
+    write_image(&waves(64), f.path("s.png")).unwrap();
+    f.run(&format!("{other} -o ./out --report r.json")).succeeds();
+    assert_eq!(status(&f.json("r.json"), "a"), "done");
+}
+
+#[test]
+fn all_bad_is_nothing_usable() {
+    let f = targets(&["a"]);
+    f.write("in/a.json", "{}");
+    f.run(&format!("{BATCH} -o out")).fails(3, &["1 of 1 targets failed: a"]);
+}
+
+/// The parent is a shell that starts the batch, is there for a second, and ends.
+#[test]
+#[cfg(target_os = "linux")]
+fn it_ends_with_its_parent_unless_a_hang_up_is_ignored() {
+    use std::time::{Duration, Instant};
+    let names: Vec<String> = (10..40).map(|k| format!("t{k}")).collect();
+    let f = targets(&names.iter().map(String::as_str).collect::<Vec<_>>());
+    let last = names.last().unwrap();
+    let start = |signals: &str, out: &str, size: u32| {
+        let batch = BATCH.replace("--size 48", &format!("--size {size}"));
+        f.shell(&format!("env {signals} barymap {batch} -o {out} >/dev/null 2>&1 & echo $! > pid; sleep 1")).succeeds();
+        let pid = f.read("pid").trim().to_owned();
+        let begun = Instant::now();
+        // A process that nobody waits for may stay as an entry of the table, in state Z.
+        let runs = || {
+            fs::read_to_string(format!("/proc/{pid}/stat"))
+                .is_ok_and(|s| s.rsplit_once(')').is_some_and(|(_, rest)| !rest.trim_start().starts_with('Z')))
+        };
+        while runs() {
+            assert!(begun.elapsed() < Duration::from_secs(100), "it goes on");
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        f.path(out).join(last).exists()
+    };
+    assert!(!start("--default-signal=HUP", "alone", 1500), "it went on to the end");
+    assert!(f.files("alone").iter().all(|p| p.join("item.json").exists()), "something half-made is left");
+    assert!(start("--ignore-signal=HUP", "kept", 16), "it ended before its work");
 }

@@ -85,15 +85,15 @@ fn an_interrupt_leaves_no_temporary_file() {
     let before = f.names();
     let mut interrupted = 0;
     // At several moments: during the work, and while something large is written.
-    for delay in [60, 150, 400, 800] {
+    for (delay, signal, code) in [(60, "INT", 130), (150, "TERM", 143), (400, "INT", 130), (800, "QUIT", 131)] {
         let mut command = f.command();
         command.args(TRANSFER.split_whitespace().filter(|w| *w != "--size" && *w != "64"));
         command.args("--backend cpu --quiet --size 3000 -o o.png --coverage c.png --model m.glb".split_whitespace());
         let mut child = command.spawn().unwrap();
         std::thread::sleep(Duration::from_millis(delay));
-        let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+        let sent = Command::new("kill").args([format!("-{signal}"), child.id().to_string()]).status().unwrap();
         let status = child.wait().unwrap();
-        if sent.success() && status.code() == Some(130) {
+        if sent.success() && status.code() == Some(code) {
             interrupted += 1;
         }
         let outputs = ["o.png", "c.png", "m.glb"];

@@ -10,6 +10,7 @@ use serde_json::{Value, json};
 
 use crate::batch_record::{self, Record};
 use crate::common::{Common, EmbeddingArguments, Session, Surface, anchor_pairs, usage};
+use crate::interrupt;
 use crate::layer_kinds::LayerKinds;
 use crate::method::MethodArguments;
 use crate::transfer::{self, Job, Look, Textures, add, require_texcoords, target_charts};
@@ -83,6 +84,7 @@ enum Outcome {
 }
 
 pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
+    interrupt::end_with_parent();
     arguments.charts.check(arguments.look.size, arguments.look.model.is_some())?;
     let items = arguments.shard.of(read_targets(&arguments.targets, Some(&arguments.source))?);
     std::fs::create_dir_all(&arguments.output)
@@ -98,7 +100,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     session.watch.lap("read");
     let key = batch_record::source_key(&source.mesh, &layers)
         .bytes(session.engine.description().backend.to_string().as_bytes())
-        .bytes(arguments.options().as_bytes());
+        .bytes(arguments.options(&names).as_bytes());
     let mut batch = Batch { arguments, source, layers, names, key };
     let mut rows = Vec::new();
     for (k, item) in items.iter().enumerate() {
@@ -120,19 +122,19 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     }
     let shown = failed.iter().take(10).copied().collect::<Vec<_>>().join(", ");
     let more = if failed.len() > 10 { ", ..." } else { "" };
-    Err(Error::input(
-        format!("{} of {} targets failed: {shown}{more}", failed.len(), rows.len()),
-        "Mend what the notes above say and run the command again: only what is not done is tried",
-    ))
+    let what = format!("{} of {} targets failed: {shown}{more}", failed.len(), rows.len());
+    let remedy = "Mend what the notes above say and run the command again: only what is not done is tried";
+    if failed.len() == rows.len() {
+        return Err(Error::unusable(what, remedy));
+    }
+    Err(Error::Incomplete { what, remedy: remedy.into() })
 }
 
 impl Arguments {
-    /// Everything but the content of files that decides on the results.
-    fn options(&self) -> String {
-        format!(
-            "{:?} {:?} {:?} {:?} {:?} {:?} {:?}",
-            self.picture, self.texture, self.method, self.kinds, self.look, self.charts, self.embedding
-        )
+    /// Everything but the content of files that decides on the results; no paths, so that a file
+    /// may be named in several ways. `names`: of the layers of a result.
+    fn options(&self, names: &[String]) -> String {
+        format!("{names:?} {:?} {:?} {:?} {:?} {:?}", self.method, self.kinds, self.look, self.charts, self.embedding)
     }
 
     /// File names of the layers of a result: those of `--picture`, else those of their textures,

@@ -14,6 +14,7 @@ mod deform;
 mod demo;
 mod devices;
 mod embed;
+mod interrupt;
 mod layer_kinds;
 mod loader;
 mod map;
@@ -127,14 +128,21 @@ fn run(cli: &Cli) -> Result<()> {
     }
 }
 
+/// The exit code: 2 for wrong use of the command line, 3 where nothing usable was written, 4 where
+/// some of several results failed and all others are done, 1 for a fault in the data, a file or the
+/// machine. A signal n ends the program with 128 + n ([`interrupt`]).
+fn code(error: &Error) -> u8 {
+    match error {
+        Error::Option { .. } => 2,
+        Error::Unusable { .. } => 3,
+        Error::Incomplete { .. } => 4,
+        _ => 1,
+    }
+}
+
 fn main() -> ExitCode {
     loader::hush();
-    let handler = ctrlc::set_handler(|| {
-        // An interrupt leaves no temporary file behind.
-        barymap::io::output::remove_all_temporary();
-        std::process::exit(130);
-    });
-    if let Err(error) = handler {
+    if let Err(error) = interrupt::handle_signals() {
         common::note(&format!("interrupts are not handled: {error}"));
     }
     match run(&Cli::parse()) {
@@ -142,8 +150,7 @@ fn main() -> ExitCode {
         Err(error) => {
             // As common::note: a closed stderr changes nothing.
             let _ = writeln!(std::io::stderr(), "barymap: {error}");
-            // 2: wrong use of the command line; 1: a fault in the data, a file or the machine.
-            ExitCode::from(if matches!(error, Error::Option { .. }) { 2 } else { 1 })
+            ExitCode::from(code(&error))
         }
     }
 }

@@ -136,7 +136,7 @@ pub fn propose(
     }
     let components = [source.topology.component_count, target.topology.component_count];
     if components[0] != components[1] && seeds.is_empty() {
-        return Err(Error::input(
+        return Err(Error::unusable(
             format!(
                 "{} has {} components and {} has {}: without pairs it is not known which belong together",
                 source.mesh.name, components[0], target.mesh.name, components[1]

@@ -75,12 +75,12 @@ impl Tips {
 /// over the whole surface is taken: a mirrored map shows bumps where there are dents.
 ///
 /// # Errors
-/// If either surface has fewer than four limbs.
+/// [`Error::Unusable`] if either surface has fewer than four limbs, or no assignment fits.
 pub(super) fn match_tips(couple: &Couple<'_>) -> Result<Seedless> {
     let (source, target) = (Tips::new(couple, 0), Tips::new(couple, 1));
     for (tips, shape) in [(&source, couple.shapes[0]), (&target, couple.shapes[1])] {
         if tips.tips.len() < FEWEST {
-            return Err(Error::input(
+            return Err(Error::unusable(
                 format!(
                     "{} has {} limbs that stand out (at least {FEWEST} are needed to match two surfaces without a first pair)",
                     shape.mesh.name,
@@ -103,7 +103,7 @@ pub(super) fn match_tips(couple: &Couple<'_>) -> Result<Seedless> {
     }
     tried.sort_by(|a, b| a.0.total_cmp(&b.0));
     let Some((off, near, pairs, chosen)) = tried.first().cloned() else {
-        return Err(Error::input(
+        return Err(Error::unusable(
             "no assignment of the limbs of one surface to those of the other keeps the distances between them",
             "Give a few pairs with --anchors, better eight",
         ));
