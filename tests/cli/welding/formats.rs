@@ -100,7 +100,7 @@ fn primitives_of_several_materials_are_one_surface() {
     }
     let parted = builder.build();
     let f = Folder::empty();
-    std::fs::write(f.path("m.glb"), glb_bytes(&parted, &own_materials(&parted).unwrap()).unwrap()).unwrap();
+    std::fs::write(f.path("m.glb"), glb_bytes(&parted, &own_materials(&parted).0).unwrap()).unwrap();
     let read = read_mesh(f.path("m.glb")).unwrap().mesh;
     assert!(read.vertex_count() > 2 * mesh.vertex_count() && read.materials.len() == 3);
     assert_eq!(surface(&f, "m.glb"), (1, 0, Some(0), mesh.vertex_count()));
