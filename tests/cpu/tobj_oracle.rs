@@ -104,7 +104,8 @@ fn faces_of_every_readable_file_are_those_of_tobj() {
     files(&folder, &mut found);
     let (mut same, mut refused) = (0, Vec::new());
     for path in &found {
-        let Ok(loaded) = read_mesh(path) else { continue };
+        // What a file has beside the format is passed over with a warning here, and guessed there.
+        let Some(loaded) = read_mesh(path).ok().filter(|loaded| loaded.warnings.is_empty()) else { continue };
         let Some(theirs) = oracle(path) else {
             refused.push(path.strip_prefix(&folder).unwrap().display().to_string());
             continue;

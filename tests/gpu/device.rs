@@ -24,7 +24,8 @@ fn adapters_are_listed_and_found_by_part_of_their_name() {
         return;
     }
     let list = Engine::adapters();
-    assert_eq!(list.iter().filter(|a| a.preferred).count(), 1);
+    // The best hardware adapter is what `auto` takes.
+    assert_eq!(list.iter().filter(|a| a.preferred).count(), usize::from(!list[0].software));
     let part: String = list[0].name.to_uppercase().chars().take(5).collect();
     let options = EngineOptions {
         backend: Backend::Gpu,
