@@ -23,8 +23,8 @@ use crate::progress_bar::Bars;
 /// Options of every command.
 #[derive(Args, Debug)]
 pub(crate) struct Common {
-    /// Where the work is done: auto takes the best adapter and falls back to the CPU; reference is
-    /// double precision
+    /// Where the work is done: auto takes a hardware adapter, else the CPU; gpu takes a software
+    /// adapter too; reference is double precision
     #[arg(long, value_enum, default_value = "auto", global = true)]
     pub(crate) backend: BackendName,
     /// Part of the name of the adapter to use (see `barymap devices`)
