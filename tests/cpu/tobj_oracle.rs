@@ -134,6 +134,6 @@ fn the_comparison_notices_a_corner_a_texture_coordinate_and_a_material() {
     assert!(changed(&|f| f.corners[0].1 = Some([0.5, 0.2501])).is_some());
     assert!(changed(&|f| f.corners[0].1 = None).is_some());
     assert!(changed(&|f| f.material = Some("cloth".into())).is_some());
-    assert!(changed(&|f| drop(f.corners.pop())).is_some());
+    assert!(changed(&|f| f.corners.truncate(2)).is_some());
     assert!(difference(&faces, &faces[..1]).is_some());
 }
