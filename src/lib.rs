@@ -76,5 +76,7 @@ pub mod progress;
 pub mod raster;
 pub mod surface;
 pub mod tools;
+#[cfg(test)]
+mod twins;
 
 pub use error::{Error, Result};

@@ -31,11 +31,13 @@ struct Projected {
     found: u32,
 }
 
-// project::Found, and what is left to the next pass.
+// project::Found, and what is left to the next pass; project_phong::Projected.
 const NOTHING: u32 = 0u;
 const BY_WALK: u32 = 1u;
 const BY_SEARCH: u32 = 2u;
 const LEFT: u32 = 3u;
+
+// What the next pass reads of a point that is LEFT; no host code does.
 const ASTRAY: u32 = 4u;
 const VERTEX: u32 = 8u;
 

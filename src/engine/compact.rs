@@ -29,7 +29,7 @@ pub struct Matching {
 
 const LAYOUTS: &[Layout] = &[layout!(Matching, { stride, offset, value, mask })];
 const MATCHING: BindingKind = BindingKind::Uniform(size_of::<Matching>() as u64);
-const ITEMS: u32 = 16;
+pub(super) const ITEMS: u32 = 16;
 
 pub(super) static COMPACT_COUNT: Kernel = Kernel {
     name: "compact_count",

@@ -51,3 +51,17 @@ pub const KERNELS: &[&Kernel] = &[
     &reduce::REDUCE_MIN,
     &reduce::REDUCE_SUM,
 ];
+
+/// The constants of the shaders that are these of Rust.
+#[cfg(test)]
+pub(crate) fn twins() -> Vec<crate::twins::Twin> {
+    use crate::twins::of;
+    [
+        of("compact_count", [("ITEMS", compact::ITEMS.into())]),
+        of("compact_scatter", [("ITEMS", compact::ITEMS.into())]),
+        of("reduce_min", [("ITEMS", reduce::ITEMS.into())]),
+        of("reduce_sum", [("ITEMS", reduce::ITEMS.into())]),
+        of("lib/table", [("TABLE_WIDTH", table::WIDTH.into())]),
+    ]
+    .concat()
+}

@@ -12,7 +12,7 @@ use crate::error::Result;
 
 /// Values that one workgroup turns into one.
 pub const RUN: usize = (GROUP * ITEMS) as usize;
-const ITEMS: u32 = 16;
+pub(super) const ITEMS: u32 = 16;
 
 /// A value and where it stood.
 #[repr(C)]

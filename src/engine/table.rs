@@ -13,7 +13,7 @@ use super::gpu::{Gpu, Share};
 use crate::error::{Error, Result};
 
 /// Texels of a row; what every device has.
-const WIDTH: u32 = 2048;
+pub(super) const WIDTH: u32 = 2048;
 
 /// Bytes of a texel.
 const TEXEL: usize = 16;

@@ -173,7 +173,7 @@ pub fn slack<S: Real>() -> S {
 /// coordinate: its coordinates, those of the vertices and their combination are rounded by half a
 /// unit each, and the length of a vector of sixteen such errors is four times as large: `3 / 2 *
 /// sqrt(16)`.
-const ROUNDING: f64 = 6.0;
+pub(super) const ROUNDING: f64 = 6.0;
 
 /// Steps after which Newton's method is given up; three or four are usual.
 pub const NEWTON_STEPS: usize = 12;

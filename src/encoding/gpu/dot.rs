@@ -26,7 +26,7 @@ pub struct DotParams {
 const LAYOUTS: &[Layout] = &[layout!(DotParams, { first_a, stride_a, first_b, stride_b, count, runs, to, again })];
 
 /// Entries a lane takes.
-const ITEMS: u32 = 16;
+pub(super) const ITEMS: u32 = 16;
 /// Entries that one workgroup sums.
 const RUN: usize = (GROUP * ITEMS) as usize;
 

@@ -53,3 +53,12 @@ const WORK: u64 = 1 << 22;
 fn fault(what: &str) -> Error {
     Error::Device { what: what.into(), remedy: "This is a fault of barymap: please report it".into() }
 }
+
+/// The constants of the shaders that are these of Rust.
+#[cfg(test)]
+pub(crate) fn twins() -> Vec<crate::twins::Twin> {
+    use crate::encoding::decode::REGULARISATION;
+    use crate::twins::of;
+    [of("dot", [("ITEMS", dot::ITEMS.into())]), of("lib/encoding", [("REGULAR", REGULARISATION * REGULARISATION)])]
+        .concat()
+}

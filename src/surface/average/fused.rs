@@ -7,7 +7,7 @@ use crate::engine::Real;
 /// Smallest D, in units of the scale, of an anchor that is not the nearest: below, q = (scale /
 /// D)^2 would overflow f32. An anchor this near to the query point (1e-6 of the scale's length) has
 /// a nearer one beside it.
-const FLOOR: f64 = 1e-12;
+pub(super) const FLOOR: f64 = 1e-12;
 
 /// The weights of eq. 13 at a point, in closed form: w_j = q_j (K_j . mu + t) with q_j = (scale /
 /// D_j)^2 and K_j = p_j - p_k, and for the nearest anchor k what is left of 1.

@@ -24,6 +24,15 @@
 //! range of the number type: with `f32`, keep coordinates within 1e-3..1e3 and centred.
 
 mod chunk;
+/// The constants of the shaders that are these of Rust.
+#[cfg(test)]
+pub(crate) fn twins() -> Vec<crate::twins::Twin> {
+    crate::twins::of(
+        "average_anchors",
+        [("FLOOR", fused::FLOOR), ("GAMMA", GAMMA), ("RANK_LIMIT", solve::rank_limit::<f32>().into())],
+    )
+}
+
 #[cfg(test)]
 mod chunk_tests;
 mod frames;

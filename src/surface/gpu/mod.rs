@@ -102,3 +102,36 @@ pub fn correspondence_on(
     })?;
     Ok((map, None))
 }
+
+/// The constants of the shaders that are these of Rust.
+#[cfg(test)]
+pub(crate) fn twins() -> Vec<crate::twins::Twin> {
+    use crate::geometry::NONE;
+    use crate::surface::project::{Found, SEARCH_PATIENCE, WALK_PATIENCE};
+    use crate::surface::{psi, search};
+    use crate::twins::of;
+    [
+        of("project_phong", [("PATIENCE", WALK_PATIENCE)]),
+        of("search_phong", [("PATIENCE", SEARCH_PATIENCE), ("NEW_LEVEL", search::NEW_LEVEL.into())]),
+        of(
+            "lib/newton",
+            [
+                ("SLACK", psi::slack::<f32>().into()),
+                ("NEWTON_STEPS", psi::NEWTON_STEPS as f64),
+                ("EPSILON", f32::EPSILON.into()),
+                ("ROUNDING", psi::ROUNDING),
+            ],
+        ),
+        of("lib/phong", [("NONE", NONE.into()), ("AT_VERTEX", psi::at_vertex::<f32>().into())]),
+        of(
+            "lib/projection",
+            [
+                ("NOTHING", f64::from(Found::Nothing as u32)),
+                ("BY_WALK", f64::from(Found::Walk as u32)),
+                ("BY_SEARCH", f64::from(Found::Search as u32)),
+                ("LEFT", Projected::LEFT.into()),
+            ],
+        ),
+    ]
+    .concat()
+}

@@ -16,7 +16,7 @@ use crate::raster::Pixels;
 
 /// Footprints up to this much wider than a texel, or than a whole number of narrow sides, count as
 /// no wider, so that rounding does not blur.
-const SLACK: f32 = 1.0 / 64.0;
+pub(super) const SLACK: f32 = 1.0 / 64.0;
 /// Footprints wider than this many texels see the mean of the whole picture.
 const LARGEST_FOOTPRINT: f32 = 1e6;
 /// Texels of one parallel task.
@@ -262,7 +262,7 @@ fn floor(x: f32) -> i32 {
 }
 
 /// Farther from a picture than this, in its sides, its border is all that a footprint sees.
-const FAR: f32 = 1000.0;
+pub(super) const FAR: f32 = 1000.0;
 
 /// A coordinate that shows the same texels, brought near the picture: far off, the fraction of a
 /// texel would be lost, and in the end the range of integers left.

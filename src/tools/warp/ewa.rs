@@ -14,16 +14,16 @@ use super::pyramid::Texel;
 /// `sqrt(10 x)`: 1.5 pixels.
 pub const VARIANCE: f32 = 0.225;
 /// Second moment of (1 - q)^3 over the unit disc, along an axis, inverted.
-const MOMENT: f32 = 10.0;
+pub(super) const MOMENT: f32 = 10.0;
 /// Smallest width of the narrow side, in texels of the level that is read: wide enough that the
 /// steps between texels do not show, narrow enough that at most 20 of them are read across.
-const FINEST: f32 = 1.5;
+pub(super) const FINEST: f32 = 1.5;
 /// Ellipses are at most this much longer than wide.
 pub const LONGEST: f32 = 16.0;
 /// Up to this width the picture is interpolated: rounding must not blur what is only moved.
-const INTERPOLATED: f32 = 1.0 + 1.0 / 64.0;
+pub(super) const INTERPOLATED: f32 = 1.0 + 1.0 / 64.0;
 /// From this width on it is averaged; in between, both are mixed so that the seam does not show.
-const AVERAGED: f32 = 1.5;
+pub(super) const AVERAGED: f32 = 1.5;
 
 /// The ellipse of one output pixel on a level of the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -210,3 +210,22 @@ fn extents(pyramid: &Pyramid<'_>, filter: Filter, bases: &[[i32; 2]], preimages:
     // Smallest and largest numbers do not depend on the order.
     preimages.par_iter().fold(none, add).reduce(none, both)
 }
+
+/// The constants of the shaders that are these of Rust.
+#[cfg(test)]
+pub(crate) fn twins() -> Vec<crate::twins::Twin> {
+    use super::{ewa, footprint};
+    crate::twins::of(
+        "warp_image",
+        [
+            ("MOST_LEVELS", MOST_LEVELS as f64),
+            ("FARTHEST", footprint::FARTHEST.into()),
+            ("VARIANCE", ewa::VARIANCE.into()),
+            ("MOMENT", ewa::MOMENT.into()),
+            ("FINEST", ewa::FINEST.into()),
+            ("LONGEST", ewa::LONGEST.into()),
+            ("INTERPOLATED", ewa::INTERPOLATED.into()),
+            ("AVERAGED", ewa::AVERAGED.into()),
+        ],
+    )
+}

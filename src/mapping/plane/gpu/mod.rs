@@ -27,3 +27,10 @@ pub const KERNELS: &[&Kernel] = &[&jacobian_min::JACOBIAN_MIN[0], &map_points::M
 /// Products of samples and vertices that one submission holds, so that none is long: a fraction of
 /// a second on a software device, milliseconds on another.
 const SUBMISSION: u64 = 1 << 28;
+
+/// The constants of the shaders that are these of Rust.
+#[cfg(test)]
+pub(crate) fn twins() -> Vec<crate::twins::Twin> {
+    use crate::mapping::plane::mean_value::{AT_VERTEX, BLOCK};
+    crate::twins::of("lib/mean_value", [("AT_VERTEX", AT_VERTEX * AT_VERTEX), ("BLOCK", BLOCK as f64)])
+}

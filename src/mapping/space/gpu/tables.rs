@@ -10,7 +10,7 @@ use crate::mapping::space::step::Step;
 const BLOCKS: usize = 4;
 
 /// Faces of a block.
-const PER_BLOCK: usize = UNIFORM_BLOCK as usize / size_of::<FaceRecord>();
+pub(super) const PER_BLOCK: usize = UNIFORM_BLOCK as usize / size_of::<FaceRecord>();
 
 /// Triangles that the kernels take.
 pub const MOST_FACES: usize = BLOCKS * PER_BLOCK;

@@ -46,3 +46,35 @@ fn items(range: &Items) -> Result<(u32, u32)> {
         }),
     }
 }
+
+/// The constants of the shaders that are these of Rust.
+#[cfg(test)]
+pub(crate) fn twins() -> Vec<crate::twins::Twin> {
+    use super::atlas::{AtlasTexel, BIN, SUBTEXEL};
+    use super::sample::{FAR, SLACK};
+    use crate::geometry::{NONE, Wrap};
+    use crate::twins::of;
+    [
+        of(
+            "rasterize_atlas",
+            [
+                ("CENTRE", AtlasTexel::CENTRE.into()),
+                ("FOOTPRINT", AtlasTexel::FOOTPRINT.into()),
+                ("OVERLAP", AtlasTexel::OVERLAP.into()),
+            ],
+        ),
+        of("lib/atlas", [("BIN", BIN.into()), ("SUBTEXEL", SUBTEXEL.into()), ("NONE", NONE.into())]),
+        of(
+            "lib/footprint",
+            [
+                ("SLACK", SLACK.into()),
+                ("TRILINEAR", sample_texture::filtering(super::Filter::Trilinear).into()),
+                ("BILINEAR", sample_texture::filtering(super::Filter::Bilinear).into()),
+                ("CLAMP", sample_texture::mode(Wrap::Clamp).into()),
+                ("MIRROR", sample_texture::mode(Wrap::Mirror).into()),
+                ("FAR", FAR.into()),
+            ],
+        ),
+    ]
+    .concat()
+}

@@ -34,6 +34,15 @@ pub struct TextureParams {
     wrap_v: u32,
 }
 
+/// The number of a filter in [`TextureParams`].
+pub(super) fn filtering(filter: Filter) -> u32 {
+    match filter {
+        Filter::Anisotropic => 0,
+        Filter::Trilinear => 1,
+        Filter::Bilinear => 2,
+    }
+}
+
 /// A footprint as the kernel reads it: two vectors of four.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -196,11 +205,7 @@ impl<'a> Sampler<'a> {
             height: image.height,
             levels: chain.levels.len() as u32,
             channels: image.channels,
-            filtering: match filter {
-                Filter::Anisotropic => 0,
-                Filter::Trilinear => 1,
-                Filter::Bilinear => 2,
-            },
+            filtering: filtering(filter),
             taps: taps.clamp(1, 16),
             opacity: u32::from(has_alpha && chain.encoding.alpha == Alpha::Opacity),
             scale,
@@ -308,7 +313,7 @@ impl<'a> Sampler<'a> {
 }
 
 /// The kernel's number of a mode.
-fn mode(wrap: Wrap) -> u32 {
+pub(super) fn mode(wrap: Wrap) -> u32 {
     match wrap {
         Wrap::Repeat => 0,
         Wrap::Clamp => 1,
