@@ -7,12 +7,12 @@ use barymap::progress::Quiet;
 use barymap::raster::{Depth, Image, Pixels};
 use barymap::surface::Status;
 use barymap::tools::transfer::footprint::Footprint;
-use barymap::tools::transfer::gpu::Sampler;
+use barymap::tools::transfer::gpu::{DeviceTexture, Sampler};
 use barymap::tools::transfer::mip::MipChain;
 use barymap::tools::transfer::sample::{SampleParams, sample_texture};
 use barymap::tools::transfer::{
-    Alpha, Background, Encoding, Filter, Layer, LayerKind, TransferOptions, TransferOutput, memory_needed, transfer,
-    transfer_on,
+    Alpha, Background, Encoding, Filter, Layer, LayerKind, Pyramids, TransferOptions, TransferOutput, memory_needed,
+    transfer, transfer_on, transfer_with,
 };
 use glam::DVec2;
 
@@ -322,6 +322,10 @@ impl Scene {
     }
 
     fn run(&self, engine: &Engine, options: &TransferOptions) -> barymap::Result<TransferOutput> {
+        self.run_with(&Pyramids::new(engine), options)
+    }
+
+    fn run_with<'a>(&'a self, pyramids: &Pyramids<'a>, options: &TransferOptions) -> barymap::Result<TransferOutput> {
         let map = Planar {
             source: &self.source,
             target: &self.target,
@@ -334,7 +338,7 @@ impl Scene {
                 (DVec2::new(0.1 + 0.7 * p.y, 0.9 - 0.8 * p.x * p.x), status)
             },
         };
-        transfer_on(engine, &self.source, &self.layers(), &self.target, &map, options, &Quiet)
+        transfer_with(pyramids, &self.source, &self.layers(), &self.target, &map, options, &Quiet)
     }
 }
 
@@ -427,6 +431,37 @@ fn bands_and_repetition_do_not_show_on_a_device() {
     };
     assert!(banded.stats.bands > 1 && banded.stats.memory <= memory);
     assert_eq!((&all.layers, &all.coverage), (&banded.layers, &banded.coverage));
+}
+
+#[test]
+fn pictures_go_to_the_device_once_for_several_targets() {
+    if engine().is_none() {
+        return;
+    }
+    // Its own, so that nothing else is counted.
+    let engine = Engine::new(EngineOptions { backend: Backend::Gpu, ..EngineOptions::default() }).unwrap();
+    let scene = Scene::new();
+    let options = TransferOptions { width: 90, height: 80, ..TransferOptions::default() };
+    let pyramids = Pyramids::new(&engine);
+    let counted = |options: &TransferOptions| {
+        let before = engine.gpu().unwrap().traffic();
+        let out = scene.run_with(&pyramids, options).unwrap();
+        assert_eq!(out.stats.device_stages.len(), 3, "{:?}", out.stats.notes);
+        (out, engine.gpu().unwrap().traffic() - before)
+    };
+    let (first, up) = counted(&options);
+    let (second, again) = counted(&options);
+    assert_eq!((&first.layers, &first.coverage), (&second.layers, &second.coverage));
+    // Two layers read one picture twice: four pictures in all, whatever the target.
+    assert_eq!(pyramids.count(), [4, 4]);
+    let pictures: u64 = scene.images.iter().map(DeviceTexture::bytes).sum();
+    assert!(up.bytes_up_once >= pictures + again.bytes_up_once, "{up:?}, then {again:?}, of {pictures}");
+    assert!(again.allocations < up.allocations);
+    // Another part or size of a target needs no other pyramid.
+    let (_, other) = counted(&TransferOptions { width: 40, ..options.clone() });
+    assert_eq!((other.bytes_up_once, pyramids.count()), (again.bytes_up_once, [4, 4]));
+    let fresh = scene.run(&engine, &options).unwrap();
+    assert_eq!((&first.layers, &first.coverage), (&fresh.layers, &fresh.coverage));
 }
 
 #[test]

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use barymap::io::output_set::OutputFolder;
 use barymap::io::target_list::{TargetItem, read_targets};
+use barymap::tools::transfer::Pyramids;
 use barymap::{Error, Result};
 use serde_json::{Value, json};
 
@@ -101,7 +102,8 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let key = batch_record::source_key(&source.mesh, &layers)
         .bytes(session.engine.description().backend.to_string().as_bytes())
         .bytes(arguments.options(&names).as_bytes());
-    let mut batch = Batch { arguments, source, layers, names, key };
+    let pyramids = Pyramids::new(&session.engine);
+    let mut batch = Batch { arguments, source, layers: &layers, pyramids: &pyramids, names, key };
     let mut rows = Vec::new();
     for (k, item) in items.iter().enumerate() {
         session.say(&format!("[{}/{}] {}", k + 1, items.len(), item.name));
@@ -193,7 +195,9 @@ fn layer_name(texture: &str) -> String {
 struct Batch<'a> {
     arguments: &'a Arguments,
     source: Surface,
-    layers: Vec<Textures>,
+    layers: &'a [Textures],
+    /// Made once for all targets.
+    pyramids: &'a Pyramids<'a>,
     names: Vec<String>,
     /// Of the source, its textures and the options.
     key: barymap::io::CacheKey,
@@ -227,7 +231,7 @@ impl Batch<'_> {
         let folder = OutputFolder::replace(&place)?;
         let inside = |name: &Path| folder.path().join(name);
         let text = |name: &String| inside(Path::new(name)).to_string_lossy().into_owned();
-        let outputs = transfer::layer_names(&self.names.iter().map(text).collect::<Vec<_>>(), &self.layers)?;
+        let outputs = transfer::layer_names(&self.names.iter().map(text).collect::<Vec<_>>(), self.layers)?;
         let charts = Charts {
             unwrapped: self.arguments.charts.unwrapped.as_deref().map(inside),
             ..self.arguments.charts.clone()
@@ -240,7 +244,8 @@ impl Batch<'_> {
         };
         let charts = target_charts(session, &mut target, &charts, &look, &outputs)?;
         let job = Job {
-            layers: &self.layers,
+            layers: self.layers,
+            pyramids: self.pyramids,
             anchors: &pairs,
             method: self.arguments.method,
             embedding: &self.arguments.embedding,

@@ -9,6 +9,7 @@ use barymap::raster::{Image, Pixels};
 use barymap::surface::quality::summarise;
 use barymap::surface::{AnchorPairs, EmbeddingOptions};
 use barymap::tools::render::{Coloring, RenderOptions, render, side_by_side};
+use barymap::tools::transfer::Pyramids;
 use barymap::{Error, Result};
 use image::RgbaImage;
 use serde_json::json;
@@ -47,8 +48,10 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     session.watch.lap("models");
     let texture_file = path("texture.png");
     let outputs = [TextureName::new(texture_file.display().to_string())];
+    let layers = [Textures::single(from_rgba(&texture)?)];
     let job = Job {
-        layers: &[Textures::single(from_rgba(&texture)?)],
+        layers: &layers,
+        pyramids: &Pyramids::new(&session.engine),
         anchors: &anchors,
         method: arguments.method,
         embedding: &EmbeddingArguments {

@@ -13,6 +13,7 @@ use super::lookup::{Lookup, lookups};
 use super::output::{Output, Scratch};
 use super::pad::pad_seams;
 use super::plan::{Plan, fixed};
+use super::pyramids::Pyramids;
 use super::rebase::{Rebase, renormalise};
 use super::seams::seam_pairs;
 use super::tables::target_triangles;
@@ -63,6 +64,24 @@ pub fn transfer_on(
     options: &TransferOptions,
     progress: &dyn Progress,
 ) -> Result<TransferOutput> {
+    transfer_with(&Pyramids::new(engine), source, layers, target, map, options, progress)
+}
+
+/// As [`transfer_on`], where the engine of `pyramids` works, which are made for the pictures that
+/// have none yet and serve the transfers that follow.
+///
+/// # Errors
+/// As [`transfer_on`].
+pub fn transfer_with<'a>(
+    pyramids: &Pyramids<'a>,
+    source: &Mesh,
+    layers: &[Layer<'a>],
+    target: &Mesh,
+    map: &dyn PointMap,
+    options: &TransferOptions,
+    progress: &dyn Progress,
+) -> Result<TransferOutput> {
+    let engine = pyramids.engine();
     check(source, layers, target, options)?;
     let mut stages = Stages::new(engine, layers, options);
     let plan = match Plan::new(source, layers, target, options, &stages) {
@@ -88,11 +107,12 @@ pub fn transfer_on(
     watch.lap("prepare");
     let rebases = rebases(&lookups, &lookup_of, layers, target, map)?;
     watch.lap("frames");
-    let output = |(l, &lookup)| Output::new(l, source, lookup, options, rebases[lookup].as_ref());
+    let output = |(l, &lookup)| Output::new(l, source, lookup, options, rebases[lookup].as_ref(), pyramids);
     let mut outputs = layers.iter().zip(&lookup_of).map(output).collect::<Result<Vec<_>>>()?;
-    let mut sampler = stages.sampler(|s| outputs.iter_mut().try_for_each(|o| o.upload(s, options)))?;
+    let mut sampler = stages.sampler(|s| outputs.iter_mut().try_for_each(|o| o.upload(s, pyramids, options)))?;
     if sampler.is_none() {
         outputs.iter_mut().for_each(|o| o.device.clear());
+        pyramids.leave_device();
     }
     watch.lap("mip");
 

@@ -7,6 +7,7 @@ use super::color::Sample;
 use super::footprint::Footprint;
 use super::kind::LayerKind;
 use super::mip::{Alpha, Encoding, MipChain};
+use super::pyramids::Pyramids;
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, NONE, Placement, Wrap};
 use crate::raster::{Depth, Image, Pixels};
@@ -160,18 +161,13 @@ impl<'a> Layer<'a> {
         }
     }
 
-    /// The mip chain of picture `k`; labels have none.
-    pub(super) fn chain(&self, k: usize) -> Result<MipChain<'a>> {
-        let chain = self.unplaced_chain(self.images[k])?;
-        Ok(MipChain { wrap: self.placement(k as u32).wrap, ..chain })
-    }
-
-    fn unplaced_chain(&self, image: &'a Image) -> Result<MipChain<'a>> {
+    /// The mip chain of picture `k`, made where `pyramids` have none yet; labels have no levels.
+    pub(super) fn chain(&self, k: usize, pyramids: &Pyramids<'a>) -> Result<MipChain<'a>> {
+        let (image, encoding) = (self.images[k], self.reading());
+        let wrap = self.placement(k as u32).wrap;
         match self.kind {
-            LayerKind::Labels => {
-                Ok(MipChain { image, encoding: self.reading(), levels: Vec::new(), wrap: [Wrap::Repeat; 2] })
-            }
-            _ => MipChain::new(image, self.reading()),
+            LayerKind::Labels => Ok(MipChain { image, encoding, levels: [].into(), wrap }),
+            _ => Ok(MipChain { wrap, ..pyramids.chain(image, encoding)? }),
         }
     }
 

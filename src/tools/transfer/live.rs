@@ -15,9 +15,11 @@ use super::lookup::lookups;
 use super::output::Output;
 use super::pad::pad_seams;
 use super::plan::Plan;
+use super::pyramids::Pyramids;
 use super::tables::{SourceTriangle, TargetTriangle, target_triangles};
 use super::tally::HOLE;
 use super::{TransferOptions, coverage};
+use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, NONE};
 use crate::raster::{Image, Pixels};
@@ -106,6 +108,8 @@ impl<'a> LiveTransfer<'a> {
             rasterize_atlas(&tile, &bins, &atlas.triangles, texels);
         }
         let (starts, members) = by_triangle(&texels, target.triangle_count());
+        let pyramids = Pyramids::new(&Engine::cpu());
+        let output = |layer| Output::new(layer, source, 0, options, None, &pyramids);
         let mut live = Self {
             options: options.clone(),
             source: lookup.table,
@@ -114,7 +118,7 @@ impl<'a> LiveTransfer<'a> {
             texels,
             starts,
             members,
-            outputs: layers.iter().map(|l| Output::new(l, source, 0, options, None)).collect::<Result<_>>()?,
+            outputs: layers.iter().map(output).collect::<Result<_>>()?,
             covers: vec![coverage::NOTHING; width * height],
             padding: Vec::new(),
         };

@@ -1,5 +1,7 @@
 //! Mip chains: a texture averaged over ever larger boxes.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use super::color::Sample;
@@ -8,7 +10,7 @@ use crate::geometry::Wrap;
 use crate::raster::{Depth, Image, Pixels};
 
 /// What the last of 2 or 4 channels means.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Alpha {
     /// Opacity: colours are weighted by it (premultiplied) before they are averaged.
     #[default]
@@ -18,7 +20,7 @@ pub enum Alpha {
 }
 
 /// How stored samples become values to average.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Encoding {
     /// Colour channels of 8 and 16 bits hold sRGB values and are averaged as light; floats hold
     /// light already.
@@ -68,8 +70,8 @@ pub struct MipChain<'a> {
     pub image: &'a Image,
     /// How its samples are read.
     pub encoding: Encoding,
-    /// Levels 1, 2, ...
-    pub levels: Vec<Level>,
+    /// Levels 1, 2, ..., which clones share.
+    pub levels: Arc<[Level]>,
     /// What it shows beyond its borders, along u and along v.
     pub wrap: [Wrap; 2],
 }
@@ -96,7 +98,7 @@ impl<'a> MipChain<'a> {
             (Pixels::F32(v), 3) => levels::<f32, 3>(v, image, encoding),
             (Pixels::F32(v), _) => levels::<f32, 4>(v, image, encoding),
         };
-        Ok(Self { image, encoding, levels, wrap: [Wrap::Repeat; 2] })
+        Ok(Self { image, encoding, levels: levels.into(), wrap: [Wrap::Repeat; 2] })
     }
 
     /// Number of levels, the picture included.

@@ -13,6 +13,7 @@ use super::kind::LayerKind;
 use super::layer::{Layer, blank, store};
 use super::mip::{Encoding, MipChain};
 use super::nearest::nearest_texels;
+use super::pyramids::Pyramids;
 use super::rebase::{Rebase, Samples, renormalise};
 use super::sample::{SampleParams, sample_texture};
 use super::vertex_colors::VertexColors;
@@ -50,17 +51,18 @@ pub(super) struct Output<'a> {
 }
 
 impl<'a> Output<'a> {
-    pub(super) fn new(
-        layer: &Layer<'a>,
+    pub(super) fn new<'p: 'a>(
+        layer: &Layer<'p>,
         source: &'a Mesh,
         lookup: usize,
         options: &TransferOptions,
         rebase: Option<&'a Rebase<'a>>,
+        pyramids: &Pyramids<'p>,
     ) -> Result<Self> {
         let (channels, depth) = layer.output_format(options.background);
         let encoding = layer.reading();
         Ok(Self {
-            chains: (0..layer.images.len()).map(|k| layer.chain(k)).collect::<Result<Vec<_>>>()?,
+            chains: (0..layer.images.len()).map(|k| layer.chain(k, pyramids)).collect::<Result<Vec<_>>>()?,
             vertices: layer.vertices.map(|colors| VertexColors::new(source, colors, encoding)),
             encoding,
             lookup,
@@ -74,10 +76,16 @@ impl<'a> Output<'a> {
     }
 
     /// Brings the chains to the device that samples.
-    pub(super) fn upload(&mut self, sampler: &Sampler<'_>, options: &TransferOptions) -> Result<()> {
+    pub(super) fn upload(
+        &mut self,
+        sampler: &Sampler<'_>,
+        pyramids: &Pyramids<'_>,
+        options: &TransferOptions,
+    ) -> Result<()> {
         // Labels are looked up, not sampled.
         for chain in self.chains.iter().filter(|_| self.kind != LayerKind::Labels) {
-            self.device.push(sampler.texture(chain, options.filter, options.taps)?);
+            let picture = pyramids.on_device(sampler.gpu(), chain)?;
+            self.device.push(sampler.bind(picture, chain, options.filter, options.taps)?);
         }
         Ok(())
     }

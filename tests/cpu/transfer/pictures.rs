@@ -64,7 +64,7 @@ fn every_mip_level_has_the_mean_of_the_picture() {
                 let part = texels.iter().skip(c).step_by(channels as usize);
                 part.map(|&v| f64::from(v)).sum::<f64>() / (texels.len() as f64 / f64::from(channels))
             };
-            for level in &chain.levels {
+            for level in chain.levels.iter() {
                 for c in 0..channels as usize {
                     let error = mean(&level.texels, c) - mean(&samples, c);
                     assert!(error.abs() < 2e-6, "{w}x{h}, {} wide: {error}", level.width);

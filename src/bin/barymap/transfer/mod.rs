@@ -13,7 +13,7 @@ use barymap::io::{TextureName, finite};
 use barymap::surface::{AnchorPairs, IdentityMap, PointMap};
 use barymap::tools::point_cloud::{is_cloud, triangles_of_points};
 use barymap::tools::transfer::{
-    Encoding, Fill, Filter, Layer, TransferOptions, TransferOutput, TransferStats, transfer_on,
+    Encoding, Fill, Filter, Layer, Pyramids, TransferOptions, TransferOutput, TransferStats, transfer_with,
 };
 use barymap::tools::vertex_map::{VertexMap, vertex_map};
 use barymap::{Error, Result};
@@ -208,6 +208,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let charts = target_charts(&mut session, &mut target, &arguments.charts, &arguments.look, &outputs)?;
     let job = Job {
         layers: &layers,
+        pyramids: &Pyramids::new(&session.engine),
         anchors: &anchors,
         method,
         embedding: &arguments.embedding,
@@ -281,8 +282,10 @@ pub(crate) fn add(report: &mut serde_json::Value, extra: &serde_json::Value) {
 }
 
 /// A transfer with everything read.
-pub(crate) struct Job<'a> {
-    pub(crate) layers: &'a [Textures],
+pub(crate) struct Job<'a, 'p> {
+    pub(crate) layers: &'p [Textures],
+    /// Of their pictures, made by the first job that needs them.
+    pub(crate) pyramids: &'a Pyramids<'p>,
     pub(crate) anchors: &'a AnchorPairs,
     pub(crate) method: MethodArguments,
     pub(crate) embedding: &'a EmbeddingArguments,
@@ -291,7 +294,7 @@ pub(crate) struct Job<'a> {
     pub(crate) outputs: &'a [TextureName],
 }
 
-impl Job<'_> {
+impl<'p> Job<'_, 'p> {
     /// Maps, samples, writes pictures, coverage and model, and makes the report.
     pub(crate) fn run(
         &self,
@@ -320,7 +323,7 @@ impl Job<'_> {
         };
         let vertices = vertex_map((&source.mesh, &source.topology), (&target.mesh, &target.topology), map.as_ref())?;
         session.watch.lap("vertices");
-        let layers: Vec<Layer<'_>> = self.layers.iter().map(|t| self.layer(t)).collect();
+        let layers: Vec<Layer<'p>> = self.layers.iter().map(|t| self.layer(t)).collect();
         let mut writer = Writer::default();
         let mut skins = Vec::new();
         let mut result: Option<TransferOutput> = None;
@@ -328,7 +331,7 @@ impl Job<'_> {
             let (material, region) = (part.material, part.region());
             let options = TransferOptions { material, region, ..self.look.options(session.common.memory) };
             let (from, to, progress) = (&source.mesh, &target.mesh, session.progress());
-            let mut output = transfer_on(&session.engine, from, &layers, to, map.as_ref(), &options, progress)?;
+            let mut output = transfer_with(self.pyramids, from, &layers, to, map.as_ref(), &options, progress)?;
             session.watch.lap("transfer");
             for (k, (image, role)) in output.layers.iter().zip(&roles).enumerate() {
                 if let Some(path) = names.layer(k, role, part, to) {
@@ -407,7 +410,7 @@ impl Job<'_> {
         Ok((result, vertices, report))
     }
 
-    fn layer<'t>(&self, textures: &'t Textures) -> Layer<'t> {
+    fn layer(&self, textures: &'p Textures) -> Layer<'p> {
         Layer {
             name: textures.role.clone(),
             images: textures.images.iter().collect(),

@@ -18,7 +18,7 @@ use std::ops::Range;
 
 pub use pad_seams::{PadParams, Padder};
 pub use rasterize_atlas::{MOST_ENTRIES, RasterizeParams, Rasterizer};
-pub use sample_texture::{DeviceTexture, FootprintRecord, Sampler, TextureParams};
+pub use sample_texture::{DevicePicture, DeviceTexture, FootprintRecord, Sampler, TextureParams};
 pub(super) use stages::Stages;
 
 use crate::engine::Kernel;

@@ -102,15 +102,69 @@ pub struct Sampler<'a> {
     left: u64,
 }
 
+/// A picture and its levels on a device, for any sampler there.
+#[derive(Debug)]
+pub struct DevicePicture {
+    base: Pyramid,
+    levels: Pyramid,
+    light: Table,
+}
+
 /// A texture on a device, with its bindings.
 #[derive(Debug)]
 pub struct DeviceTexture {
     pipeline: Arc<Pipeline>,
     groups: [BindGroup; 2],
     // Counted against the memory budget as long as the bind groups refer to them.
-    _pictures: [Pyramid; 2],
-    _light: Table,
+    _picture: Arc<DevicePicture>,
     _params: UniformBlocks<TextureParams>,
+}
+
+impl DevicePicture {
+    /// Puts a picture and its levels on a device.
+    ///
+    /// # Errors
+    /// [`Error::Capability`](crate::Error::Capability), [`Error::Memory`](crate::Error::Memory) or
+    /// [`Error::Device`](crate::Error::Device).
+    pub fn new(gpu: &Gpu, chain: &MipChain<'_>) -> Result<Self> {
+        let image = chain.image;
+        let (channels, stored) = (image.channels as usize, stored_channels(image.channels) as usize);
+        let entries = match image.depth() {
+            Depth::U8 => 256,
+            Depth::U16 => 65536,
+            Depth::F32 => 0,
+        };
+        let entries = if chain.encoding.linear_light { entries } else { 0 };
+        let light: Vec<[f32; 4]> = light_values(entries).chunks_exact(4).map(|v| [v[0], v[1], v[2], v[3]]).collect();
+        let base = base(gpu, image, channels, stored)?;
+        let count = chain.levels.len().max(1) as u32;
+        let levels = gpu.pyramid("levels", stored as u32, half(image), count, |l, y, out: &mut [f32]| {
+            if let Some(level) = chain.levels.get(l as usize) {
+                let row = level.width as usize * channels;
+                spread(&level.texels[y as usize * row..(y as usize + 1) * row], channels, stored, out);
+            }
+        })?;
+        Ok(Self { base, levels, light: gpu.table("light", &light)? })
+    }
+}
+
+/// Level 0 of a picture as it is stored.
+fn base(gpu: &Gpu, image: &Image, channels: usize, stored: usize) -> Result<Pyramid> {
+    fn rows<'p, T: Word>(
+        samples: &'p [T],
+        row: usize,
+        channels: usize,
+        stored: usize,
+    ) -> impl FnMut(u32, u32, &mut [T]) + 'p {
+        move |_, y, out| spread(&samples[y as usize * row..(y as usize + 1) * row], channels, stored, out)
+    }
+    let (size, row) = ([image.width, image.height], image.width as usize * channels);
+    let n = stored as u32;
+    match &image.pixels {
+        Pixels::U8(v) => gpu.pyramid("picture", n, size, 1, rows(v, row, channels, stored)),
+        Pixels::U16(v) => gpu.pyramid("picture", n, size, 1, rows(v, row, channels, stored)),
+        Pixels::F32(v) => gpu.pyramid("picture", n, size, 1, rows(v, row, channels, stored)),
+    }
 }
 
 impl DeviceTexture {
@@ -182,24 +236,37 @@ impl<'a> Sampler<'a> {
         self.left
     }
 
-    /// Puts a texture on the device. Of `params`, the filter and the taps matter.
+    /// The device.
+    pub(in crate::tools::transfer) fn gpu(&self) -> &'a Gpu {
+        self.gpu
+    }
+
+    /// Puts a texture on the device.
     ///
     /// # Errors
-    /// [`Error::Capability`](crate::Error::Capability), [`Error::Memory`](crate::Error::Memory) or
-    /// [`Error::Device`](crate::Error::Device).
+    /// As [`DevicePicture::new`].
     pub fn texture(&self, chain: &MipChain<'_>, filter: Filter, taps: u32) -> Result<DeviceTexture> {
+        self.bind(Arc::new(DevicePicture::new(self.gpu, chain)?), chain, filter, taps)
+    }
+
+    /// Binds `picture`, which is `chain` on this device.
+    ///
+    /// # Errors
+    /// [`Error::Memory`](crate::Error::Memory) or [`Error::Device`](crate::Error::Device).
+    pub(in crate::tools::transfer) fn bind(
+        &self,
+        picture: Arc<DevicePicture>,
+        chain: &MipChain<'_>,
+        filter: Filter,
+        taps: u32,
+    ) -> Result<DeviceTexture> {
         let image = chain.image;
-        let (channels, stored) = (image.channels as usize, stored_channels(image.channels) as usize);
-        let has_alpha = image.has_alpha();
-        let linear = chain.encoding.linear_light;
-        let (words, scale, light) = match image.depth() {
-            Depth::U8 => (usize::from(linear), 1.0 / 255.0, 256),
-            Depth::U16 => (usize::from(linear), 1.0 / 65535.0, 65536),
-            Depth::F32 => (2, 1.0, 0),
+        let (words, scale) = match image.depth() {
+            Depth::U8 => (usize::from(chain.encoding.linear_light), 1.0 / 255.0),
+            Depth::U16 => (usize::from(chain.encoding.linear_light), 1.0 / 65535.0),
+            Depth::F32 => (2, 1.0),
         };
         let kernel = &VARIANTS[words][usize::from(chain.wrap != [Wrap::Repeat; 2])];
-        let light: Vec<[f32; 4]> =
-            light_values(if linear { light } else { 0 }).chunks_exact(4).map(|v| [v[0], v[1], v[2], v[3]]).collect();
         let params = TextureParams {
             width: image.width,
             height: image.height,
@@ -207,47 +274,21 @@ impl<'a> Sampler<'a> {
             channels: image.channels,
             filtering: filtering(filter),
             taps: taps.clamp(1, 16),
-            opacity: u32::from(has_alpha && chain.encoding.alpha == Alpha::Opacity),
+            opacity: u32::from(image.has_alpha() && chain.encoding.alpha == Alpha::Opacity),
             scale,
             wrap_u: mode(chain.wrap[0]),
             wrap_v: mode(chain.wrap[1]),
         };
-        let base = self.base(image, channels, stored)?;
-        let count = chain.levels.len().max(1) as u32;
-        let levels = self.gpu.pyramid("levels", stored as u32, half(image), count, |l, y, out: &mut [f32]| {
-            if let Some(level) = chain.levels.get(l as usize) {
-                let row = level.width as usize * channels;
-                spread(&level.texels[y as usize * row..(y as usize + 1) * row], channels, stored, out);
-            }
-        })?;
         let params = self.gpu.uniform("texture parameters", &params)?;
-        let light = self.gpu.table("light", &light)?;
         let pipeline = self.gpu.pipeline(kernel)?;
         let bind = |footprints: &Buffer<FootprintRecord>| {
+            let DevicePicture { base, levels, light } = &*picture;
             let bindings =
                 [params.bind(0), footprints.bind(), self.colors.bind(), base.bind(), levels.bind(), light.bind()];
             self.gpu.bind(&pipeline, &bindings)
         };
         let groups = [bind(&self.footprints[0])?, bind(&self.footprints[1])?];
-        Ok(DeviceTexture { pipeline, groups, _pictures: [base, levels], _light: light, _params: params })
-    }
-
-    fn base(&self, image: &Image, channels: usize, stored: usize) -> Result<Pyramid> {
-        fn rows<'p, T: Word>(
-            samples: &'p [T],
-            row: usize,
-            channels: usize,
-            stored: usize,
-        ) -> impl FnMut(u32, u32, &mut [T]) + 'p {
-            move |_, y, out| spread(&samples[y as usize * row..(y as usize + 1) * row], channels, stored, out)
-        }
-        let (size, row) = ([image.width, image.height], image.width as usize * channels);
-        let n = stored as u32;
-        match &image.pixels {
-            Pixels::U8(v) => self.gpu.pyramid("picture", n, size, 1, rows(v, row, channels, stored)),
-            Pixels::U16(v) => self.gpu.pyramid("picture", n, size, 1, rows(v, row, channels, stored)),
-            Pixels::F32(v) => self.gpu.pyramid("picture", n, size, 1, rows(v, row, channels, stored)),
-        }
+        Ok(DeviceTexture { pipeline, groups, _picture: picture, _params: params })
     }
 
     /// The same as [`sample_texture`], but for rounding: samples `texture`, which is `chain` on the
