@@ -23,6 +23,8 @@
 const PATIENCE: f32 = 2.0;
 // search::NEW_LEVEL.
 const NEW_LEVEL: u32 = 0x80000000u;
+
+// Texels of a bound of a triangle.
 const BOUND_TEXELS: u32 = 3u * VECTOR_TEXELS + 1u;
 
 // Whether the triangle can hold a root; search::TriangleBound.

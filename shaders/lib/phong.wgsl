@@ -6,8 +6,8 @@
 // No vertex, no triangle; geometry::NONE.
 const NONE: u32 = 0xffffffffu;
 
-// Texels of a vertex (point, two rows of the tangent basis, stops) and of a triangle;
-// surface::gpu::tables.
+// Texels of a vertex (point, two rows of the tangent basis, stops) and of a triangle, as the host
+// writes them into its tables.
 const VERTEX_TEXELS: u32 = 3u * VECTOR_TEXELS + 1u;
 const TRIANGLE_TEXELS: u32 = 5u;
 
