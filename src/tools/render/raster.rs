@@ -86,8 +86,11 @@ impl Bands {
                 // Only what the triangle has in this row: the box around a needle is nearly empty.
                 // Most rows of a needle hold no sample, so that a row must cost little.
                 let (left, right) = scan.span(y as f64 + 0.5);
+                if !holds_a_sample(left, right) {
+                    continue;
+                }
                 let last = (right - 0.5).min(width as f64 - 1.0);
-                if last < 0.0 || (last as usize as f64) < left - 0.5 {
+                if last < 0.0 {
                     continue;
                 }
                 for x in at_or_above(left - 0.5)..=last as usize {
@@ -187,6 +190,18 @@ impl Scan {
     }
 }
 
+/// Added and taken away again, it leaves the nearest whole number: between 2^52 and 2^53 doubles are
+/// whole. A conversion takes several times as long.
+const TO_WHOLE: f64 = 1.5 * (1u64 << 52) as f64;
+
+/// Whether the centre of a sample lies between two places of a row.
+#[inline(always)]
+fn holds_a_sample(left: f64, right: f64) -> bool {
+    let middle = 0.5 * (left + right) - 0.5;
+    let nearest = (middle + TO_WHOLE) - TO_WHOLE;
+    (middle - nearest).abs() <= 0.5 * (right - left)
+}
+
 /// The first whole number that is not below `x`, nor below zero: `ceil` is a call where the
 /// processor's least features are assumed.
 fn at_or_above(x: f64) -> usize {
@@ -233,6 +248,23 @@ mod tests {
                 let at = DVec2::new((i as u32 % size) as f64 + 0.5, (i as u32 / size) as f64 + 0.5);
                 assert_eq!(t == 0, edges.inside(at).is_some(), "needle {k} at {at}");
             }
+        }
+    }
+
+    #[test]
+    fn places_of_a_row_hold_a_sample_or_none() {
+        for (left, right, held) in [
+            (0.5, 0.5, true),
+            (0.4, 0.45, false),
+            (0.51, 1.49, false),
+            (0.51, 1.51, true),
+            (-3.0, -2.4, true),
+            (-0.4, 0.4, false),
+            (1e6 + 0.4, 1e6 + 0.6, true),
+            (7.6, 8.4, false),
+            (0.6, 3.1, true),
+        ] {
+            assert_eq!(holds_a_sample(left, right), held, "{left} to {right}");
         }
     }
 
