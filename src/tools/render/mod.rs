@@ -7,6 +7,7 @@
 mod camera;
 mod marks;
 mod raster;
+mod scan;
 mod shade;
 
 use glam::DVec3;

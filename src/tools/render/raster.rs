@@ -4,11 +4,8 @@ use std::collections::HashSet;
 
 use glam::{DVec2, DVec3};
 
+use super::scan::{Scan, at_or_above};
 use crate::geometry::{Mesh, NONE};
-
-/// Slack of spans in parts of the largest coordinate: a few times the rounding of an interpolation,
-/// far below a sample.
-const SLACK: f64 = 1e-12;
 
 /// Triangles by the bands of sample rows they touch.
 pub(super) struct Bands {
@@ -73,38 +70,44 @@ impl Bands {
         };
         for &t in &self.triangles[band] {
             let p = mesh.triangle(t as usize).map(|v| projected[v as usize]);
-            let Some(edges) = Edges::new(p.map(DVec3::truncate)) else { continue };
-            let low = p[0].min(p[1]).min(p[2]);
-            let high = p[0].max(p[1]).max(p[2]);
-            let y0 = at_or_above(low.y - 0.5).max(first_row);
-            let y1 = (high.y - 0.5).min((first_row + rows) as f64 - 1.0);
-            if y1 < 0.0 {
-                continue;
-            }
-            let scan = Scan::new(edges.p);
-            for y in y0..=y1 as usize {
-                // Only what the triangle has in this row: the box around a needle is nearly empty.
-                // Most rows of a needle hold no sample, so that a row must cost little.
-                let (left, right) = scan.span(y as f64 + 0.5);
-                if !holds_a_sample(left, right) {
-                    continue;
-                }
-                let last = (right - 0.5).min(width as f64 - 1.0);
-                if last < 0.0 {
-                    continue;
-                }
-                for x in at_or_above(left - 0.5)..=last as usize {
-                    let Some(b) = edges.inside(DVec2::new(x as f64 + 0.5, y as f64 + 0.5)) else { continue };
-                    let depth = (b[0] * p[0].z + b[1] * p[1].z + b[2] * p[2].z) as f32;
-                    let i = (y - first_row) * width + x;
-                    if depth < out.depth[i] {
-                        out.depth[i] = depth;
-                        out.triangle[i] = t;
-                    }
-                }
+            let low = p[0].y.min(p[1].y).min(p[2].y);
+            let high = p[0].y.max(p[1].y).max(p[2].y);
+            let y0 = at_or_above(low - 0.5).max(first_row);
+            let y1 = (high - 0.5).min((first_row + rows) as f64 - 1.0);
+            if y1 >= y0 as f64 {
+                out.draw(t, p, y0, y1 as usize);
             }
         }
         out
+    }
+}
+
+impl Fragments {
+    /// Draws what the triangle `t` with corners `p` has in the rows from `y0` to `y1`.
+    fn draw(&mut self, t: u32, p: [DVec3; 3], y0: usize, y1: usize) {
+        let scan = Scan::new(p.map(DVec3::truncate));
+        // Needles of whole bands have no sample and need no edge functions.
+        let mut edges = None;
+        let completed = scan.rows(y0, y1).try_for_each(|y| {
+            let edges = edges.get_or_insert_with(|| Edges::new(p.map(DVec3::truncate))).as_ref()?;
+            let (left, right) = scan.span(y as f64 + 0.5);
+            let last = (right - 0.5).min(self.width as f64 - 1.0);
+            if last < 0.0 {
+                return Some(());
+            }
+            for x in at_or_above(left - 0.5)..=last as usize {
+                let Some(b) = edges.inside(DVec2::new(x as f64 + 0.5, y as f64 + 0.5)) else { continue };
+                let depth = (b[0] * p[0].z + b[1] * p[1].z + b[2] * p[2].z) as f32;
+                let i = (y - self.first_row) * self.width + x;
+                if depth < self.depth[i] {
+                    self.depth[i] = depth;
+                    self.triangle[i] = t;
+                }
+            }
+            Some(())
+        });
+        // `None`: a triangle without area in the picture owns no sample.
+        let (None | Some(())) = completed;
     }
 }
 
@@ -156,59 +159,6 @@ impl Edges {
     }
 }
 
-/// The courses of a triangle's sides from row to row.
-struct Scan {
-    /// From the lowest to the highest row.
-    p: [DVec2; 3],
-    /// Steps along x per row: of the side from the first corner to the last, from the first to the
-    /// second, from the second to the last.
-    steps: [f64; 3],
-    slack: f64,
-}
-
-impl Scan {
-    fn new(mut p: [DVec2; 3]) -> Self {
-        for (i, j) in [(0, 1), (1, 2), (0, 1)] {
-            if p[j].y < p[i].y {
-                p.swap(i, j);
-            }
-        }
-        // A side within a row is met at its end points alone.
-        let step = |a: DVec2, b: DVec2| if b.y > a.y { (b.x - a.x) / (b.y - a.y) } else { 0.0 };
-        let largest = p.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
-        Self { p, steps: [step(p[0], p[2]), step(p[0], p[1]), step(p[1], p[2])], slack: SLACK * largest }
-    }
-
-    /// First and last place that the triangle may own in the row at `y`, which meets it; wider than
-    /// it by more than rounding.
-    fn span(&self, y: f64) -> (f64, f64) {
-        let [a, b, _] = self.p;
-        let through = a.x + (y - a.y) * self.steps[0];
-        let around = if y < b.y { a.x + (y - a.y) * self.steps[1] } else { b.x + (y - b.y) * self.steps[2] };
-        let (left, right) = if through < around { (through, around) } else { (around, through) };
-        (left - self.slack, right + self.slack)
-    }
-}
-
-/// Added and taken away again, it leaves the nearest whole number: between 2^52 and 2^53 doubles are
-/// whole. A conversion takes several times as long.
-const TO_WHOLE: f64 = 1.5 * (1u64 << 52) as f64;
-
-/// Whether the centre of a sample lies between two places of a row.
-#[inline(always)]
-fn holds_a_sample(left: f64, right: f64) -> bool {
-    let middle = 0.5 * (left + right) - 0.5;
-    let nearest = (middle + TO_WHOLE) - TO_WHOLE;
-    (middle - nearest).abs() <= 0.5 * (right - left)
-}
-
-/// The first whole number that is not below `x`, nor below zero: `ceil` is a call where the
-/// processor's least features are assumed.
-fn at_or_above(x: f64) -> usize {
-    let whole = x as usize;
-    whole.saturating_add(usize::from((whole as f64) < x))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -248,23 +198,6 @@ mod tests {
                 let at = DVec2::new((i as u32 % size) as f64 + 0.5, (i as u32 / size) as f64 + 0.5);
                 assert_eq!(t == 0, edges.inside(at).is_some(), "needle {k} at {at}");
             }
-        }
-    }
-
-    #[test]
-    fn places_of_a_row_hold_a_sample_or_none() {
-        for (left, right, held) in [
-            (0.5, 0.5, true),
-            (0.4, 0.45, false),
-            (0.51, 1.49, false),
-            (0.51, 1.51, true),
-            (-3.0, -2.4, true),
-            (-0.4, 0.4, false),
-            (1e6 + 0.4, 1e6 + 0.6, true),
-            (7.6, 8.4, false),
-            (0.6, 3.1, true),
-        ] {
-            assert_eq!(holds_a_sample(left, right), held, "{left} to {right}");
         }
     }
 
