@@ -6,9 +6,11 @@
 
 mod shared;
 
+#[path = "shared/device.rs"]
+mod device;
+
 use std::error::Error;
 
-use barymap::engine::Engine;
 use barymap::geometry::Mesh;
 use barymap::mapping::space::{Cage, CompositeMap, PartitionKind, PartitionOptions, VertexPath, partition};
 use barymap::models::shapes::uv_sphere;
@@ -39,7 +41,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     to.positions.iter_mut().for_each(|p| *p = twist(*p));
     let cage = Cage::new(&from, &to)?;
     let path = Encoded::new(&cage)?;
-    let engine = Engine::cpu();
+    let engine = device::engine()?;
     let mut shapes = vec![model.positions.clone()];
     let mut turned = Vec::new();
     for kind in [PartitionKind::Direct, PartitionKind::Binary] {

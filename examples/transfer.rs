@@ -3,16 +3,20 @@
 //!
 //! `cargo run --release --example transfer [PICTURE.png]`
 
+#[path = "shared/device.rs"]
+mod device;
+
 use std::error::Error;
 
 use barymap::geometry::Topology;
 use barymap::models::character_pair;
 use barymap::progress::Quiet;
 use barymap::raster::{Image, Pixels};
-use barymap::surface::correspondence::{CorrespondenceOptions, Shape, correspondence};
+use barymap::surface::correspondence::{CorrespondenceOptions, Shape};
+use barymap::surface::gpu::correspondence_on;
 use barymap::surface::{AnchorPairs, Embedding, EmbeddingOptions};
 use barymap::tools::render::{Coloring, RenderOptions, render, side_by_side};
-use barymap::tools::transfer::{Layer, TransferOptions, transfer};
+use barymap::tools::transfer::{Layer, TransferOptions, transfer_on};
 use barymap::tools::vertex_map::vertex_map;
 use image::RgbaImage;
 
@@ -31,19 +35,23 @@ fn main() -> Result<(), Box<dyn Error>> {
     let source_embedding = Embedding::compute(source, &source_topology, &options, &Quiet)?;
     let target_embedding = Embedding::compute(target, &target_topology, &options, &Quiet)?;
 
-    // The map from the target to the source.
-    let map = correspondence(
+    // The map from the target to the source: its kernels run per texel.
+    let engine = device::engine()?;
+    let (map, note) = correspondence_on(
+        &engine,
         Shape { mesh: source, topology: &source_topology, embedding: Some(&source_embedding) },
         Shape { mesh: target, topology: &target_topology, embedding: Some(&target_embedding) },
         &anchors,
         &CorrespondenceOptions::default(),
     )?;
+    note.iter().for_each(|note| println!("{note}"));
 
     // A colour for every texel of the target.
     let painted = pair.source.texture(1024);
     let texture = Image::new(painted.width(), painted.height(), 4, Pixels::U8(painted.as_raw().clone()))?;
     let size = TransferOptions { width: 1024, height: 1024, ..TransferOptions::default() };
-    let result = transfer(source, &[Layer::single("colour", &texture)], target, map.as_ref(), &size, &Quiet)?;
+    let layers = [Layer::single("colour", &texture)];
+    let result = transfer_on(&engine, source, &layers, target, map.as_ref(), &size, &Quiet)?;
     println!("{} texels, {:.1} % of the area valid", result.stats.covered, 100.0 * result.stats.valid_fraction);
 
     // The true correspondence of the built-in characters is known.

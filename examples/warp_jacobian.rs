@@ -4,6 +4,9 @@
 //!
 //! `cargo run --release --example warp_jacobian [PICTURE.png]`
 
+#[path = "shared/device.rs"]
+mod device;
+
 use std::error::Error;
 
 use barymap::engine::Engine;
@@ -36,7 +39,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let output = std::env::args().nth(1).unwrap_or_else(|| "warp_jacobian.png".into());
     let pair = twisted_star();
     let cage = Cage { source: pair.source, target: pair.target };
-    let engine = Engine::cpu();
+    let engine = device::engine()?;
     let path = Linear::new(&cage);
     let mut pictures = Vec::new();
     for t in [0.25, 0.5, 0.75, 1.0] {

@@ -3,9 +3,11 @@
 //!
 //! `cargo run --release --example warp_picture [OUTPUT.png [PICTURE.png]]`
 
+#[path = "shared/device.rs"]
+mod device;
+
 use std::error::Error;
 
-use barymap::engine::Engine;
 use barymap::mapping::plane::{Cage, CompositeMap, PartitionKind, PartitionOptions, partition};
 use barymap::progress::Quiet;
 use barymap::raster::{Depth, Image};
@@ -59,7 +61,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     (target[1], target[3], target[5], target[7]) = (at(0.6, 0.36), at(0.64, 0.6), at(0.4, 0.64), at(0.36, 0.4));
     let cage = Cage::new(vec![source], vec![target])?;
 
-    let engine = Engine::cpu();
+    let engine = device::engine()?;
     let mut pictures = vec![image.clone()];
     for kind in [PartitionKind::Direct, PartitionKind::Binary] {
         let options = PartitionOptions { kind, ..PartitionOptions::default() };

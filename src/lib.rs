@@ -62,9 +62,13 @@
 //! - [`mod@encoding`], mean-value geometry encoding (Kraevoy, Sheffer 2006)
 //! - [`mod@tools`], what users do: transfer, coverage, pictures
 //! - [`mod@engine`], adapters and kernels
+//! - [`mod@desk`], shapes from files with their embeddings, pairs found on them, the choice of a method
+//! - [`mod@conformance`], every kernel on a device beside its reference
 //! - [`mod@io`], files
 //! - [`mod@models`], built-in shapes and characters with known correspondence
 
+pub mod conformance;
+pub mod desk;
 pub mod encoding;
 pub mod engine;
 pub mod error;
@@ -80,3 +84,17 @@ pub mod tools;
 mod twins;
 
 pub use error::{Error, Result};
+
+// Types of both stand in public signatures.
+pub use {glam, wgpu};
+
+/// The ten types that the main job needs, and [`Result`].
+pub mod prelude {
+    pub use crate::Result;
+    pub use crate::engine::{Engine, EngineOptions};
+    pub use crate::geometry::{Mesh, SurfacePoint, Topology};
+    pub use crate::raster::Image;
+    pub use crate::surface::correspondence::Shape;
+    pub use crate::surface::{AnchorPairs, Embedding};
+    pub use crate::tools::transfer::{Layer, TransferOptions};
+}

@@ -1,4 +1,4 @@
-//! How long work tells how far it is.
+//! How long-running work reports its progress.
 
 /// Receives the progress of long work. Methods may be called from any thread.
 pub trait Progress: Sync {
@@ -8,7 +8,7 @@ pub trait Progress: Sync {
     fn advance(&self, count: u64);
 }
 
-/// Tells nobody.
+/// Reports nothing.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Quiet;
 

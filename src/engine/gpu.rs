@@ -212,6 +212,13 @@ impl Gpu {
         Ok(p)
     }
 
+    /// The names of the kernels that this device has compiled, in order, variants once.
+    pub fn compiled(&self) -> Vec<&'static str> {
+        let cache = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        let names: std::collections::BTreeSet<&'static str> = cache.keys().map(|key| key.0).collect();
+        names.into_iter().collect()
+    }
+
     fn build(&self, kernel: &'static Kernel) -> Result<Pipeline> {
         let storage =
             kernel.bindings.iter().filter(|b| matches!(b, BindingKind::Read | BindingKind::Write)).count() as u64;

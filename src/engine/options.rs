@@ -43,7 +43,7 @@ impl FromStr for Backend {
 
     fn from_str(word: &str) -> Result<Self> {
         [Self::Auto, Self::Gpu, Self::Cpu, Self::Reference].into_iter().find(|b| b.word() == word).ok_or_else(|| {
-            Error::option("--backend", format!("'{word}' is not a back end"), "Use auto, gpu, cpu or reference")
+            Error::option("backend", format!("'{word}' is not a back end"), "Use auto, gpu, cpu or reference")
         })
     }
 }

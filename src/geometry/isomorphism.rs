@@ -1,5 +1,5 @@
-//! Maps between meshes of the same connectivity, whatever their vertices and triangles are
-//! numbered.
+//! Finds which vertex is which between two meshes of equal connectivity that number their vertices
+//! differently.
 
 use super::{NONE, Topology};
 

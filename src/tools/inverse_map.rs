@@ -31,10 +31,11 @@ pub struct PreImage {
     pub residual: f64,
 }
 
-/// For points of the source the points of the target that `map` sends there, by fixed-point steps:
-/// the target with its vertices at their images is a mesh `W` near the source; a step moves on `W`
-/// by what the image misses, `y <- y + (q - M(W^-1 y))`. Where several points go to one, one of
-/// them is found; where none does, the nearest. `vertices` is the map of the target's vertices.
+/// Pre-images under `map` of points of the source.
+///
+/// Iterates `y <- y + (q - M(W^-1 y))`, where `W` is the target with every vertex moved to its
+/// image and `q` a point of the source. Where several points go to `q`, one of them is found; where
+/// none does, the nearest. `vertices` is the map of the target's vertices.
 ///
 /// `O(n log F)` and a map of all points for each of at most 12 steps.
 ///

@@ -170,6 +170,27 @@ fn devices_tells_what_auto_takes() {
 }
 
 #[test]
+fn devices_checks_every_kernel_and_says_how_many_passed() {
+    let f = Folder::empty();
+    f.run("devices --check --backend cpu").fails(2, &["--backend"]);
+    if Engine::adapters().is_empty() {
+        f.run("devices --check").fails(1, &["adapter"]);
+        return;
+    }
+    let ran = f.run("devices --check --report r.json").succeeds();
+    let report = f.json("r.json");
+    let rows = report["checks"].as_array().unwrap();
+    let last = ran.stdout.lines().last().unwrap();
+    assert_eq!(last, format!("{} passed, 0 failed", rows.len()), "{}", ran.stdout);
+    let kernels = rows.iter().filter(|r| r["faults"].is_array()).count();
+    assert_eq!(kernels, barymap::conformance::kernels().len());
+    for row in rows.iter().filter(|r| r["check"].is_string()) {
+        assert!(row["error"].as_f64().unwrap() <= row["tolerance"].as_f64().unwrap(), "{row}");
+        assert!(row["seconds"].as_f64().unwrap() > 0.0 && row["cpu_seconds"].as_f64().unwrap() > 0.0, "{row}");
+    }
+}
+
+#[test]
 fn auto_takes_hardware_alone_and_an_unknown_adapter_is_answered_with_those_there_are() {
     let f = Folder::spheres();
     let run = |arguments: &str| {

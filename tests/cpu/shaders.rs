@@ -4,20 +4,8 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use barymap::engine::{Kernel, reflect};
-
-fn kernels() -> Vec<&'static Kernel> {
-    [
-        barymap::encoding::gpu::KERNELS,
-        barymap::engine::KERNELS,
-        barymap::mapping::plane::gpu::KERNELS,
-        barymap::mapping::space::gpu::KERNELS,
-        barymap::surface::gpu::KERNELS,
-        barymap::tools::transfer::gpu::KERNELS,
-        barymap::tools::warp::gpu::KERNELS,
-    ]
-    .concat()
-}
+use barymap::conformance::kernels;
+use barymap::engine::reflect;
 
 #[test]
 fn every_kernel_is_sound() {

@@ -1,5 +1,6 @@
 //! Fields on a device against their reference.
 
+use barymap::conformance::Scene;
 use barymap::engine::Engine;
 use barymap::geometry::Mesh;
 use barymap::surface::correspondence::{CorrespondenceOptions, Method};
@@ -8,7 +9,7 @@ use barymap::surface::gpu::{DeviceMap, correspondence_on};
 use barymap::surface::vector::distance_squared;
 use barymap::surface::{PackedImage, PackedPoint, PointMap, Status};
 
-use crate::surface::{P99, Scene, check};
+use crate::surface::{P99, check, pair, real};
 use crate::{downlevel, engine};
 
 fn field<S: barymap::engine::Real>(scene: &Scene, confidence: bool) -> Field<S, 12> {
@@ -38,7 +39,7 @@ fn the_kernels_agree_with_double_precision() {
 #[ignore = "needs BARYMAP_DATA"]
 fn the_kernels_agree_with_double_precision_on_real_embeddings() {
     let Some(engine) = engine() else { return };
-    agree(engine, &Scene::real());
+    agree(engine, &real());
 }
 
 /// Images of one vertex on two back ends may lie this far apart, in mean edges of the source: both
@@ -115,7 +116,7 @@ fn fields_made_on_any_back_end_agree_at_every_vertex_of_real_pairs() {
         ("gt/fox_same/fox_run.obj", "gt/fox_same/fox_rest.obj"),
         ("textured/human_female/human_female.obj", "textured/human_male/human_male.obj"),
     ] {
-        back_ends_agree(engine, &Scene::pair(source, target, 27));
+        back_ends_agree(engine, &pair(source, target, 27));
     }
 }
 

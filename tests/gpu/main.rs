@@ -6,6 +6,7 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+mod conformance;
 mod decode;
 mod device;
 mod encoding;

@@ -1,12 +1,12 @@
 //! The kernels of the main job against their references.
 
+use barymap::conformance::{MOST_APART, Scene, Surface};
 use barymap::engine::Engine;
 use barymap::geometry::sampling::farthest_points;
-use barymap::geometry::{Geodesics, Mesh, SurfacePoint, Topology};
-use barymap::models::shapes::{Random, lobed_sphere};
+use barymap::geometry::{Geodesics, SurfacePoint, Topology};
 use barymap::progress::Quiet;
 use barymap::surface::anchors::vertex_point;
-use barymap::surface::correspondence::{CorrespondenceOptions, Method, Shape, WeightedAverages};
+use barymap::surface::correspondence::{CorrespondenceOptions, Method, WeightedAverages};
 use barymap::surface::gpu::{DeviceMap, HostMap, correspondence_on};
 use barymap::surface::vector::distance_squared;
 use barymap::surface::{
@@ -15,118 +15,39 @@ use barymap::surface::{
 
 use crate::{downlevel, engine};
 
-/// A mesh and its embedding: space, and quadratic bumps in the other dimensions.
-fn embedded(amplitude: f64, scale: f64) -> (Mesh, Topology, Embedding) {
-    let mut mesh = lobed_sphere(4, amplitude);
-    for p in &mut mesh.positions {
-        *p *= scale;
-    }
-    let points = mesh
-        .positions
-        .iter()
-        .flat_map(|p| {
-            let p = *p / scale;
-            let bumps =
-                [0.3 * p.x * p.y, 0.3 * p.y * p.z, 0.2 * p.z * p.x, 0.2 * (p.x * p.x - p.y * p.y), 0.1 * p.z * p.z];
-            [p.x, p.y, p.z, bumps[0], bumps[1], bumps[2], bumps[3], bumps[4]].map(|x| x * scale)
-        })
-        .collect();
-    let topology = Topology::new(&mesh);
-    let embedding = Embedding {
-        dimension: 8,
-        points,
-        landmarks: Vec::new(),
-        stress: 0.0,
-        sweeps: 0,
-        seconds: Default::default(),
-        warnings: Vec::new(),
+/// The SMPL pair with 93 vertices far from one another as anchors.
+pub(crate) fn real() -> Scene {
+    pair("gt/smpl_same/man.obj", "gt/smpl_same/woman.obj", 93)
+}
+
+/// Two meshes of the same connectivity, with so many vertices far from one another as anchors.
+pub(crate) fn pair(source: &str, target: &str, anchors: usize) -> Scene {
+    let read = |file: &str| {
+        let folder = std::env::var_os("BARYMAP_DATA").expect("BARYMAP_DATA names the folder of real models");
+        let path = std::path::Path::new(&folder).join(file);
+        let mesh = barymap::io::read_mesh(path).unwrap().mesh;
+        let topology = Topology::new(&mesh);
+        let options = EmbeddingOptions { landmarks: 1000, ..EmbeddingOptions::default() };
+        let embedding = Embedding::compute(&mesh, &topology, &options, &Quiet).unwrap();
+        (mesh, topology, embedding)
     };
-    (mesh, topology, embedding)
+    let (source, target) = (read(source), read(target));
+    let vertices = farthest_points(&Geodesics::new(&target.0.positions, &target.0.triangles()), 0, anchors);
+    let on = |side: &Surface| -> Vec<SurfacePoint> {
+        vertices.iter().map(|&v| vertex_point(&side.0, &side.1, v, "anchor").unwrap()).collect()
+    };
+    let anchors = AnchorPairs { source: on(&source), target: on(&target) };
+    Scene { source, target, anchors }
 }
 
-pub(crate) struct Scene {
-    source: (Mesh, Topology, Embedding),
-    target: (Mesh, Topology, Embedding),
-    pub(crate) anchors: AnchorPairs,
+fn options(method: Method, confidence: bool) -> CorrespondenceOptions {
+    CorrespondenceOptions { method, confidence, ..Default::default() }
 }
 
-impl Scene {
-    pub(crate) fn new(anchors: usize, scale: f64) -> Self {
-        let source = embedded(0.25, scale);
-        let target = embedded(0.32, 1.0);
-        let count = target.0.triangle_count();
-        let point = |i: usize| {
-            let x = [0.5, 0.3, 0.2];
-            SurfacePoint::new(
-                ((i * 2_654_435_761) % count) as u32,
-                if i.is_multiple_of(3) { [1.0, 0.0, 0.0] } else { x },
-            )
-        };
-        let points: Vec<SurfacePoint> = (0..anchors).map(point).collect();
-        Self { source, target, anchors: AnchorPairs { source: points.clone(), target: points } }
-    }
-
-    /// The SMPL pair with 93 vertices far from one another as anchors.
-    pub(crate) fn real() -> Self {
-        Self::pair("gt/smpl_same/man.obj", "gt/smpl_same/woman.obj", 93)
-    }
-
-    /// Two meshes of the same connectivity, with so many vertices far from one another as anchors.
-    pub(crate) fn pair(source: &str, target: &str, anchors: usize) -> Self {
-        let read = |file: &str| {
-            let folder = std::env::var_os("BARYMAP_DATA").expect("BARYMAP_DATA names the folder of real models");
-            let path = std::path::Path::new(&folder).join(file);
-            let mesh = barymap::io::read_mesh(path).unwrap().mesh;
-            let topology = Topology::new(&mesh);
-            let options = EmbeddingOptions { landmarks: 1000, ..EmbeddingOptions::default() };
-            let embedding = Embedding::compute(&mesh, &topology, &options, &Quiet).unwrap();
-            (mesh, topology, embedding)
-        };
-        let (source, target) = (read(source), read(target));
-        let vertices = farthest_points(&Geodesics::new(&target.0.positions, &target.0.triangles()), 0, anchors);
-        let on = |side: &(Mesh, Topology, Embedding)| -> Vec<SurfacePoint> {
-            vertices.iter().map(|&v| vertex_point(&side.0, &side.1, v, "anchor").unwrap()).collect()
-        };
-        let anchors = AnchorPairs { source: on(&source), target: on(&target) };
-        Self { source, target, anchors }
-    }
-
-    pub(crate) fn shapes(&self) -> (Shape<'_>, Shape<'_>) {
-        fn shape(s: &(Mesh, Topology, Embedding)) -> Shape<'_> {
-            Shape { mesh: &s.0, topology: &s.1, embedding: Some(&s.2) }
-        }
-        (shape(&self.source), shape(&self.target))
-    }
-
-    fn options(method: Method, confidence: bool) -> CorrespondenceOptions {
-        CorrespondenceOptions { method, confidence, ..Default::default() }
-    }
-
-    fn device(&self, engine: &Engine, options: &CorrespondenceOptions) -> DeviceMap<WeightedAverages<f32, 8>> {
-        let (source, target) = self.shapes();
-        DeviceMap::<WeightedAverages<f32, 8>>::new(
-            engine,
-            WeightedAverages::new(source, target, &self.anchors, options).unwrap(),
-        )
-        .unwrap()
-    }
-
-    /// Random points of the target, its anchors, and its vertices.
-    pub(crate) fn points(&self, n: usize) -> Vec<PackedPoint> {
-        let mut random = Random::new(7);
-        let count = self.target.0.triangle_count() as f64;
-        let mut points: Vec<PackedPoint> = (0..n)
-            .map(|_| {
-                let (a, b) = (random.unit(), random.unit());
-                let (b0, b1) = if a + b > 1.0 { (1.0 - a, 1.0 - b) } else { (a, b) };
-                PackedPoint { face: (random.unit() * count) as u32, b0: b0 as f32, b1: b1 as f32 }
-            })
-            .collect();
-        for (point, anchor) in points.iter_mut().zip(&self.anchors.target) {
-            *point = PackedPoint::from(*anchor);
-        }
-        points
-    }
+fn on_device(scene: &Scene, engine: &Engine, options: &CorrespondenceOptions) -> DeviceMap<WeightedAverages<f32, 8>> {
+    let (source, target) = scene.shapes();
+    let map = WeightedAverages::new(source, target, &scene.anchors, options).unwrap();
+    DeviceMap::<WeightedAverages<f32, 8>>::new(engine, map).unwrap()
 }
 
 /// How two maps of the same points differ, in mean edges of the source.
@@ -168,7 +89,7 @@ fn quantile(sorted: &[f64], q: f64) -> f64 {
 }
 
 /// 99 of 100 points are nearer to the truth than this, in mean edges.
-pub(crate) const P99: f64 = 5e-5;
+pub(crate) const P99: f64 = MOST_APART;
 
 /// `statuses`: how many single precision itself judges differently, on the CPU.
 pub(crate) fn judge(c: &Comparison, points: usize, statuses: usize, p99: f64) -> Result<(), String> {
@@ -218,15 +139,15 @@ fn anchors_of_several_blocks_agree_with_double_precision() {
 #[ignore = "needs BARYMAP_DATA"]
 fn the_kernels_agree_with_double_precision_on_real_embeddings() {
     let Some(engine) = engine() else { return };
-    let scene = Scene::real();
+    let scene = real();
     agree(engine, &scene, Method::Transport, P99);
     agree(engine, &scene, Method::Averages, P99);
 }
 
 /// The kernels' map of 4,000 points against the truth.
 fn agree(engine: &Engine, scene: &Scene, method: Method, p99: f64) {
-    let options = Scene::options(method, true);
-    let device = scene.device(engine, &options);
+    let options = self::options(method, true);
+    let device = on_device(scene, engine, &options);
     let (source, target) = scene.shapes();
     let truth = WeightedAverages::<f64, 8>::new(source, target, &scene.anchors, &options).unwrap();
     let truth: (&dyn Fn(PackedPoint) -> PackedImage, _) = (&|p| truth.map_point(p), &truth.source);
@@ -270,7 +191,7 @@ fn anchors_go_to_their_partners() {
     let Some(engine) = engine() else { return };
     for (method, anchors) in [(Method::Averages, 60), (Method::Transport, 60), (Method::Transport, 600)] {
         let scene = Scene::new(anchors, 1.0);
-        let device = scene.device(engine, &Scene::options(method, false));
+        let device = on_device(&scene, engine, &options(method, false));
         let points: Vec<PackedPoint> = scene.anchors.target.iter().map(|p| PackedPoint::from(*p)).collect();
         let mut images = Vec::new();
         device.map(&points, &mut images).unwrap();
@@ -291,7 +212,7 @@ fn four_dimensions_work_on_the_device_too() {
         side.2.points = side.2.points.chunks_exact(8).flat_map(|p| [p[0], p[1], p[2], p[6]]).collect();
     }
     let (source, target) = scene.shapes();
-    let options = Scene::options(Method::Transport, true);
+    let options = self::options(Method::Transport, true);
     let (map, note) = correspondence_on(engine, source, target, &scene.anchors, &options).unwrap();
     assert_eq!(note, None);
     let truth = WeightedAverages::<f64, 4>::new(source, target, &scene.anchors, &options).unwrap();
@@ -306,7 +227,7 @@ fn four_dimensions_work_on_the_device_too() {
 fn awkward_counts_and_several_tiles_give_the_same_bytes() {
     for engine in [engine(), downlevel()].into_iter().flatten() {
         let scene = Scene::new(27, 1.0);
-        let device = scene.device(engine, &Scene::options(Method::Averages, true));
+        let device = on_device(&scene, engine, &options(Method::Averages, true));
         // More than the first tile of 4096 and the ones after it.
         let points = scene.points(20_001);
         let mut whole = Vec::new();
@@ -323,13 +244,13 @@ fn awkward_counts_and_several_tiles_give_the_same_bytes() {
 fn points_off_the_target_are_an_error() {
     let Some(engine) = engine() else { return };
     let scene = Scene::new(10, 1.0);
-    let device = scene.device(engine, &Scene::options(Method::Averages, false));
+    let device = on_device(&scene, engine, &options(Method::Averages, false));
     let mut images = Vec::new();
     assert!(device.map(&[PackedPoint { face: 1 << 30, b0: 0.0, b1: 0.0 }], &mut images).is_err());
     assert!(DeviceMap::<WeightedAverages<f32, 8>>::obstacle(engine, 12).is_some_and(|why| why.contains("12")));
     assert!(DeviceMap::<WeightedAverages<f32, 8>>::obstacle(&Engine::cpu(), 8).is_some());
     let (source, target) = scene.shapes();
-    let options = Scene::options(Method::Averages, false);
+    let options = self::options(Method::Averages, false);
     let map = WeightedAverages::<f32, 8>::new(source, target, &scene.anchors, &options).unwrap();
     assert!(DeviceMap::<WeightedAverages<f32, 8>>::new(&Engine::cpu(), map).is_err());
 }

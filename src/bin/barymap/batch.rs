@@ -108,7 +108,8 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     for (k, item) in items.iter().enumerate() {
         session.say(&format!("[{}/{}] {}", k + 1, items.len(), item.name));
         let start = Instant::now();
-        let outcome = batch.item(&mut session, item).unwrap_or_else(|error| Outcome::Failed(error.to_string()));
+        let outcome =
+            batch.item(&mut session, item).unwrap_or_else(|error| Outcome::Failed(crate::as_option(error).to_string()));
         if let Outcome::Failed(what) = &outcome {
             // Errors are told even where nothing else is.
             crate::common::note(&format!("{}: {what}", item.name));

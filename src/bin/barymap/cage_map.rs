@@ -118,8 +118,8 @@ impl CageMap {
             samples: SampleOptions { resolution: arguments.resolution },
             coordinates,
         };
-        let found = partition(&session.engine, &cage, &options, session.progress())
-            .map_err(|e| in_file(&arguments.cage, as_option(e)))?;
+        let found =
+            partition(&session.engine, &cage, &options, session.progress()).map_err(|e| in_file(&arguments.cage, e))?;
         session.watch.lap("partition");
         for note in &found.notes {
             session.warn(note);
@@ -246,16 +246,6 @@ impl CageMap {
             self.bijective(),
             engine.description()
         )
-    }
-}
-
-/// The library calls options by their bare names.
-fn as_option(error: Error) -> Error {
-    match error {
-        Error::Option { option, what, remedy } if !option.starts_with("--") => {
-            Error::Option { option: format!("--{option}"), what, remedy }
-        }
-        other => other,
     }
 }
 

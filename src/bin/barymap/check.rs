@@ -31,7 +31,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let mut session = Session::start(common)?;
     let mut surface = session.mesh(&arguments.mesh)?;
     let list = barymap::io::anchors::read_single(&arguments.anchors)?;
-    let anchors = surface.resolve(&list, &session)?;
+    let anchors = session.find(&surface, &list)?;
     session.embed(&mut surface, &arguments.embedding.options())?;
     let found = cover(surface.shape(), &anchors, arguments.suggest.min(1000), &CorrespondenceOptions::default())?;
     session.watch.lap("check");

@@ -2,17 +2,17 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
+pub(crate) use barymap::desk::Subject as Surface;
+use barymap::desk::find_pairs;
 use barymap::engine::{Backend, Engine, EngineOptions};
 use barymap::geometry::up_axis::stands_along_z;
-use barymap::geometry::{ClosestPoints, Diagnosis, Mesh, SurfacePoint, Topology, UpAxis, Weld};
+use barymap::geometry::{Mesh, SurfacePoint, UpAxis, Weld};
 use barymap::io::anchors::AnchorList;
 use barymap::io::cache::Cache;
-use barymap::io::{GltfScene, LoadedMesh, ReadOptions};
+use barymap::io::{LoadedMesh, ReadOptions};
 use barymap::progress::Progress;
-use barymap::surface::correspondence::Shape;
-use barymap::surface::{AnchorPairs, Embedding, EmbeddingOptions};
+use barymap::surface::{AnchorPairs, EmbeddingOptions};
 use barymap::tools::stopwatch::{StageTime, Stopwatch};
 use barymap::{Error, Result};
 use clap::{Args, ValueEnum};
@@ -21,7 +21,7 @@ use serde_json::{Value, json};
 use crate::progress_bar::Bars;
 
 /// Options of every command.
-#[derive(Args, Debug)]
+#[derive(Args, Clone, Debug)]
 pub(crate) struct Common {
     /// Where the work is done: auto takes a hardware adapter, else the CPU; gpu takes a software
     /// adapter too; reference is double precision
@@ -76,7 +76,7 @@ pub(crate) enum UpName {
 }
 
 /// Names of the back ends.
-#[derive(Clone, Copy, Debug, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum BackendName {
     Auto,
     Gpu,
@@ -218,11 +218,7 @@ impl<'a> Session<'a> {
 
     /// Reads a mesh as the common options say, and tells what the reader says.
     pub(crate) fn load(&self, path: &Path) -> Result<LoadedMesh> {
-        self.load_with(path, &self.common.read_options())
-    }
-
-    fn load_with(&self, path: &Path, options: &ReadOptions) -> Result<LoadedMesh> {
-        let loaded = barymap::io::read_mesh_with(path, options)?;
+        let loaded = barymap::io::read_mesh_with(path, &self.common.read_options())?;
         for warning in &loaded.warnings {
             self.warn(&format!("{}: {warning}", path.display()));
         }
@@ -236,31 +232,31 @@ impl<'a> Session<'a> {
 
     /// Reads a mesh and tells what is wrong with it.
     pub(crate) fn mesh(&mut self, path: &Path) -> Result<Surface> {
-        let loaded = self.load(path)?;
-        self.loaded(loaded)
+        self.open(path, &self.common.read_options())
     }
 
     /// As [`Session::mesh`], for a target.
     pub(crate) fn target(&mut self, path: &Path) -> Result<Surface> {
-        let loaded = self.load_with(path, &self.common.target_options())?;
-        self.loaded(loaded)
+        self.open(path, &self.common.target_options())
     }
 
-    fn loaded(&mut self, loaded: LoadedMesh) -> Result<Surface> {
-        let surface = Surface { scene: loaded.scene, ..self.surface(loaded.mesh)? };
+    fn open(&mut self, path: &Path, options: &ReadOptions) -> Result<Surface> {
+        let surface = Surface::open(path, options)?;
+        self.warn_all(&surface.notes);
         self.watch.lap("read");
         Ok(surface)
     }
 
+    /// Notes of the library.
+    pub(crate) fn warn_all(&self, notes: &[String]) {
+        notes.iter().for_each(|note| self.warn(note));
+    }
+
     /// A mesh made in memory, with its adjacency.
     pub(crate) fn surface(&self, mesh: Mesh) -> Result<Surface> {
-        let topology = Topology::new(&mesh);
-        let diagnosis = Diagnosis::new(&mesh, &topology);
-        diagnosis.is_usable()?;
-        for finding in diagnosis.findings() {
-            self.warn(&format!("{}: {finding}", mesh.name));
-        }
-        Ok(Surface { mesh, topology, embedding: None, scene: None })
+        let surface = Surface::new(mesh)?;
+        self.warn_all(&surface.notes);
+        Ok(surface)
     }
 
     /// Embeds a surface, or takes its embedding from the cache. The options are the same for a
@@ -269,25 +265,18 @@ impl<'a> Session<'a> {
         if surface.embedding.is_some() {
             return Ok(());
         }
-        let key = barymap::surface::embedding::cache_key(&surface.mesh, options);
-        let cached = self.cache.get(&key).and_then(|bytes| Embedding::from_bytes(&bytes).ok());
-        let embedding = match cached {
-            Some(e) if e.points.len() == surface.mesh.vertex_count() * options.dimension => e,
-            _ => {
-                let e = Embedding::compute(&surface.mesh, &surface.topology, options, &self.bars)?;
-                self.bars.finish();
-                if let Err(error) = self.cache.put(&key, &e.to_bytes()) {
-                    self.warn(&format!("the embedding is not cached: {error}"));
-                }
-                e
-            }
-        };
-        for warning in &embedding.warnings {
-            self.warn(&format!("{}: {warning}", surface.mesh.name));
-        }
-        surface.embedding = Some(embedding);
+        let notes = surface.embed(options, &self.cache, &self.bars)?;
+        self.bars.finish();
+        self.warn_all(&notes);
         self.watch.lap("embed");
         Ok(())
+    }
+
+    /// Finds anchors on a mesh and names those that were moved to it.
+    pub(crate) fn find(&self, surface: &Surface, list: &AnchorList) -> Result<Vec<SurfacePoint>> {
+        let found = surface.find(list)?;
+        self.warn_all(&found.notes);
+        Ok(found.points)
     }
 
     /// The word of reports for where a stage ran.
@@ -371,38 +360,6 @@ impl<'a> Session<'a> {
     }
 }
 
-/// The part of a mesh's diagonal up to which a move of a position to the surface is not mentioned.
-const ROUNDING: f64 = 1e-6;
-
-/// A mesh with its adjacency and, once made, its embedding.
-pub(crate) struct Surface {
-    pub(crate) mesh: Mesh,
-    pub(crate) topology: Topology,
-    pub(crate) embedding: Option<Embedding>,
-    /// What the file it came from has beside it, if that is glTF.
-    pub(crate) scene: Option<Arc<GltfScene>>,
-}
-
-impl Surface {
-    pub(crate) fn shape(&self) -> Shape<'_> {
-        Shape { mesh: &self.mesh, topology: &self.topology, embedding: self.embedding.as_ref() }
-    }
-
-    /// Finds anchors on this mesh and names those that were moved to it.
-    pub(crate) fn resolve(&self, list: &AnchorList, session: &Session<'_>) -> Result<Vec<SurfacePoint>> {
-        let closest = ClosestPoints::new(&self.mesh, &self.topology);
-        let nearest = |p| closest.nearest(p).unwrap_or((SurfacePoint::new(0, [1.0, 0.0, 0.0]), f64::INFINITY));
-        let resolved = list.resolve(&self.mesh, &self.topology, &nearest)?;
-        let moved = resolved.iter().map(|r| r.snap_distance).fold(0.0, f64::max);
-        let diagonal = self.mesh.bounds().map_or(0.0, |(low, high)| low.distance(high));
-        // Less is the rounding of the file they were written to.
-        if moved > ROUNDING * diagonal {
-            session.warn(&format!("anchors given by position were moved by up to {moved:.3e} onto {}", self.mesh.name));
-        }
-        Ok(resolved.iter().map(|r| r.point).collect())
-    }
-}
-
 /// Reads anchor pairs and finds them on their meshes.
 pub(crate) fn anchor_pairs(
     path: &str,
@@ -410,17 +367,9 @@ pub(crate) fn anchor_pairs(
     target: &Surface,
     session: &Session<'_>,
 ) -> Result<AnchorPairs> {
-    let file = barymap::io::anchors::read_pairs(path)?;
-    if file.source.anchors.is_empty() && file.target.anchors.is_empty() {
-        let what = format!("{path}: there are no anchors");
-        return Err(Error::input(what, "Give at least one pair, better twenty or more"));
-    }
-    let pairs =
-        AnchorPairs { source: source.resolve(&file.source, session)?, target: target.resolve(&file.target, session)? };
-    for warning in pairs.check((&source.mesh, &source.topology), (&target.mesh, &target.topology))? {
-        session.warn(&warning);
-    }
-    Ok(pairs)
+    let found = find_pairs(&barymap::io::anchors::read_pairs(path)?, source, target)?;
+    session.warn_all(&found.notes);
+    Ok(found.pairs)
 }
 
 /// Options of the embedding, for the commands that need one.

@@ -119,7 +119,7 @@ impl Arguments {
 /// The anchors on their mesh.
 fn anchors(path: &Path, surface: &Surface, session: &Session<'_>) -> Result<DecalAnchors> {
     let (list, uv) = read_decal_anchors(path)?;
-    let points = surface.resolve(&list, session)?;
+    let points = session.find(surface, &list)?;
     let diagonal = surface.mesh.bounds().map_or(0.0, |(low, high)| low.distance(high));
     for (k, (spec, point)) in list.anchors.iter().zip(&points).enumerate() {
         let AnchorSpec::Position(p) = spec else { continue };

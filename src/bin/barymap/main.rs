@@ -37,7 +37,7 @@ use std::io::Write;
 use std::process::ExitCode;
 
 use barymap::{Error, Result};
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 use common::Common;
 
@@ -55,8 +55,8 @@ struct Cli {
 enum Command {
     /// The main job on built-in models; no input needed
     Demo(demo::Arguments),
-    /// Adapters, limits, canaries, and which one `auto` takes
-    Devices,
+    /// Adapters, limits, canaries, and which one `auto` takes; `--check` runs every kernel
+    Devices(devices::Arguments),
     /// The embedding of a mesh, as an array
     Embed(embed::Arguments),
     /// The forward problem: averages of anchors with given weights
@@ -104,7 +104,7 @@ fn run(cli: &Cli) -> Result<()> {
     let common = &cli.common;
     match &cli.command {
         Command::Demo(a) => demo::run(common, a),
-        Command::Devices => devices::run(common),
+        Command::Devices(a) => devices::run(common, a),
         Command::Embed(a) => embed::run(common, a),
         Command::Average(a) => weights::forward(common, a),
         Command::Weights(a) => weights::inverse(common, a),
@@ -140,6 +140,17 @@ fn code(error: &Error) -> u8 {
     }
 }
 
+/// The library names fields of its options (`linear_light`); here they are options of the command
+/// line (`--linear-light`), where it has them.
+fn as_option(error: Error) -> Error {
+    let Error::Option { option, what, remedy } = error else { return error };
+    let name = option.replace('_', "-");
+    let command = Cli::command();
+    let has = |c: &clap::Command| c.get_arguments().any(|a| a.get_long() == Some(name.as_str()));
+    let known = has(&command) || command.get_subcommands().any(has);
+    Error::Option { option: if known { format!("--{name}") } else { option }, what, remedy }
+}
+
 fn main() -> ExitCode {
     loader::hush();
     if let Err(error) = interrupt::handle_signals() {
@@ -148,6 +159,7 @@ fn main() -> ExitCode {
     match run(&Cli::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
+            let error = as_option(error);
             // As common::note: a closed stderr changes nothing.
             let _ = writeln!(std::io::stderr(), "barymap: {error}");
             ExitCode::from(code(&error))

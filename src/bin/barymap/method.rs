@@ -1,12 +1,12 @@
 //! The correspondence as the command line asks for it.
 
 use barymap::Result;
-use barymap::surface::correspondence::{CorrespondenceOptions, Method, Shape};
-use barymap::surface::gpu::correspondence_on;
-use barymap::surface::{AlignmentOptions, AnchorPairs, Embedding, PointMap, align};
+use barymap::desk::{Choice, correspond};
+use barymap::surface::correspondence::Method;
+use barymap::surface::{AnchorPairs, PointMap};
 use clap::ValueEnum;
 
-use crate::common::{EmbeddingArguments, Session, Surface, usage};
+use crate::common::{EmbeddingArguments, Session, Surface};
 
 /// Names of the methods.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -48,45 +48,27 @@ fn yes_or_no(text: &str) -> std::result::Result<bool, String> {
 }
 
 impl MethodArguments {
-    pub(crate) fn method(self) -> Method {
-        match self.method {
+    fn choice(self) -> Choice {
+        let method = match self.method {
             MethodName::Averages => Method::Averages,
             MethodName::Transport => Method::Transport,
             MethodName::Field => Method::Field,
             MethodName::Rbf => Method::Rbf,
             MethodName::Closest => Method::Closest,
-        }
+        };
+        Choice { method, relax: self.relax, align: self.align }
     }
 
-    /// The method for a source that is no surface: radial basis functions where another one is
-    /// asked for.
+    /// The method for a source that is no surface.
     pub(crate) fn for_points(self) -> Self {
-        match self.method {
-            MethodName::Rbf | MethodName::Closest => Self { relax: Some(false), ..self },
-            _ => Self { method: MethodName::Rbf, relax: Some(false), align: false },
-        }
+        let Choice { method, relax, align } = self.choice().for_points();
+        let method = if method == Method::Closest { MethodName::Closest } else { MethodName::Rbf };
+        Self { method, relax, align }
     }
 
     /// The name in reports and messages.
     pub(crate) fn name(self) -> &'static str {
-        match (self.method(), self.relax) {
-            (Method::Rbf, Some(true)) => "rbf, relaxed",
-            (Method::Field, Some(false)) => "field, not relaxed",
-            (method, _) => method.name(),
-        }
-    }
-
-    fn options(self) -> Result<CorrespondenceOptions> {
-        let method = self.method();
-        if self.relax.is_some() && !matches!(method, Method::Field | Method::Rbf) {
-            let what = format!("the method {} has nothing to relax", method.name());
-            return Err(usage("--relax", &what, "Use it with --method field or rbf"));
-        }
-        if self.align && method != Method::Field {
-            let what = format!("the method {} has no use for it", method.name());
-            return Err(usage("--align", &what, "Use it with --method field"));
-        }
-        Ok(CorrespondenceOptions { method, relax: self.relax, ..CorrespondenceOptions::default() })
+        self.choice().name()
     }
 }
 
@@ -99,47 +81,23 @@ pub(crate) fn prepare(
     method: MethodArguments,
     embedding: &EmbeddingArguments,
 ) -> Result<Box<dyn PointMap + Send>> {
-    let correspondence = method.options()?;
-    if correspondence.method.needs_embedding() {
-        let options = embedding.options();
+    let (choice, options) = (method.choice(), embedding.options());
+    if choice.options()?.method.needs_embedding() {
         session.embed(source, &options)?;
         session.embed(target, &options)?;
     }
-    session.alignment = None;
-    let aligned = if method.align { aligned(session, source, target, anchors, method, embedding)? } else { None };
-    let shape = Shape { embedding: aligned.as_ref().or(target.embedding.as_ref()), ..target.shape() };
-    let (map, note) = correspondence_on(&session.engine, source.shape(), shape, anchors, &correspondence)?;
-    if let Some(note) = note {
-        session.warn(&note);
-    }
-    session.field = map.field().map(|f| serde_json::json!(f));
+    let made = correspond(&session.engine, source, target, anchors, &choice, &options, session.progress())?;
+    session.bars.finish();
+    session.warn_all(&made.notes);
+    session.alignment = made.alignment.map(|r| {
+        let done = if r.kept { "the target is embedded anew" } else { "the embeddings stay as they are" };
+        session.say(&format!(
+            "alignment: anchors left out are missed by {:.5} of the square root of the area, {:.5} before; {done}",
+            r.after, r.before
+        ));
+        serde_json::json!(r)
+    });
+    session.field = made.map.field().map(|f| serde_json::json!(f));
     session.watch.lap("correspondence");
-    Ok(map)
-}
-
-/// The target's embedding aligned with the source's for these anchors, where that is better. The
-/// target keeps its own: another pair may want another.
-fn aligned(
-    session: &mut Session<'_>,
-    source: &Surface,
-    target: &Surface,
-    anchors: &AnchorPairs,
-    method: MethodArguments,
-    embedding: &EmbeddingArguments,
-) -> Result<Option<Embedding>> {
-    let options = AlignmentOptions {
-        embedding: embedding.options(),
-        relax: method.relax.unwrap_or(true),
-        ..AlignmentOptions::default()
-    };
-    let alignment = align(source.shape(), target.shape(), anchors, &options, session.progress())?;
-    let r = alignment.report;
-    let done = if r.kept { "the target is embedded anew" } else { "the embeddings stay as they are" };
-    session.say(&format!(
-        "alignment: anchors left out are missed by {:.5} of the square root of the area, {:.5} before; {done}",
-        r.after, r.before
-    ));
-    session.alignment = Some(serde_json::json!(r));
-    session.watch.lap("align");
-    Ok(alignment.embedding)
+    Ok(made.map)
 }

@@ -299,6 +299,7 @@ fn bring(
         mesh: made.mesh,
         embedding: None,
         scene: None,
+        notes: Vec::new(),
     };
     Ok(r)
 }

@@ -50,7 +50,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let surface = session.mesh(&arguments.mesh)?;
     session.warn_of_up(&surface.mesh);
     let anchors = match &arguments.anchors {
-        Some(path) => surface.resolve(&barymap::io::anchors::read_single(path)?, &session)?,
+        Some(path) => session.find(&surface, &barymap::io::anchors::read_single(path)?)?,
         None => Vec::new(),
     };
     let single = arguments.texture.as_ref().map(|p| to_rgba(&session.texture(p)?.image)).transpose()?;

@@ -51,7 +51,7 @@ fn prepare(
 ) -> Result<(crate::common::Surface, Vec<SurfacePoint>)> {
     let mut surface = session.mesh(mesh)?;
     let list = barymap::io::anchors::read_single(anchors)?;
-    let points = surface.resolve(&list, session)?;
+    let points = session.find(&surface, &list)?;
     session.embed(&mut surface, &e.options())?;
     Ok((surface, points))
 }

@@ -181,7 +181,7 @@ pub fn weld(mesh: &mut Mesh, weld: Weld, layers: &[&[DVec3]]) -> Result<Welded> 
             let mean = mesh.mean_edge_length();
             if !(tolerance >= 0.0 && tolerance <= mean) {
                 let what = format!("{tolerance} is not between 0 and the mean edge, {mean:.4}");
-                return Err(Error::option("--weld", what, "Give a distance shorter than the details of the mesh"));
+                return Err(Error::option("weld", what, "Give a distance shorter than the details of the mesh"));
             }
             Some(tolerance)
         }

@@ -52,7 +52,7 @@ impl Format {
         WRITABLE.iter().find(|(e, _)| *e == extension).map(|(_, format)| *format).ok_or_else(|| {
             let what = format!("{} has no extension of a picture format that can be written", path.display());
             let all: Vec<String> = WRITABLE.iter().map(|(e, _)| format!(".{e}")).collect();
-            Error::option("--output", what, format!("End the name in one of {}", all.join(" ")))
+            Error::option("output", what, format!("End the name in one of {}", all.join(" ")))
         })
     }
 

@@ -61,7 +61,7 @@ pub fn jacobian_min(
 ) -> Result<Vec<Minimum>> {
     if !(1..=MOST_RESOLUTION).contains(&options.resolution) {
         return Err(Error::option(
-            "--resolution",
+            "resolution",
             format!("{} samples along the longer side", options.resolution),
             format!("Give 1 to {MOST_RESOLUTION}; the default is {}", SampleOptions::default().resolution),
         ));

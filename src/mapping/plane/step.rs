@@ -57,7 +57,7 @@ impl FromStr for Coordinates {
 
     fn from_str(word: &str) -> Result<Self> {
         [Self::MeanValue, Self::Wachspress].into_iter().find(|c| c.word() == word).ok_or_else(|| {
-            Error::option("--coordinates", format!("'{word}' is not known"), "Use mean-value or wachspress")
+            Error::option("coordinates", format!("'{word}' is not known"), "Use mean-value or wachspress")
         })
     }
 }

@@ -108,7 +108,7 @@ impl Samples {
         if !(1..=MOST_RESOLUTION).contains(&resolution) {
             let what = format!("{resolution} cells along the longest side");
             let remedy = format!("Give 1 to {MOST_RESOLUTION}; the default is {RESOLUTION}");
-            return Err(Error::option("--resolution", what, remedy));
+            return Err(Error::option("resolution", what, remedy));
         }
         let mut points = grid(step, resolution);
         let cells = points.len();

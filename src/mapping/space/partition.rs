@@ -163,12 +163,12 @@ pub fn partition(
 
 fn check(cage: &Cage, options: &PartitionOptions) -> Result<()> {
     if !(LEAST_EPS..=1.0).contains(&options.eps) {
-        return Err(Error::option("--eps", format!("{} is not in {LEAST_EPS}..=1", options.eps), "Take 0.01"));
+        return Err(Error::option("eps", format!("{} is not in {LEAST_EPS}..=1", options.eps), "Take 0.01"));
     }
     let steps = match options.kind {
         PartitionKind::Direct => 1,
         PartitionKind::Uniform(0) => {
-            return Err(Error::option("--partition", "a uniform partition has no steps", "Give at least 1"));
+            return Err(Error::option("partition", "a uniform partition has no steps", "Give at least 1"));
         }
         PartitionKind::Uniform(steps) => u64::from(steps),
         _ => (4.0 / options.eps).ceil() as u64,
@@ -176,7 +176,7 @@ fn check(cage: &Cage, options: &PartitionOptions) -> Result<()> {
     let vertices = cage.source.len() as u64;
     if (steps + 1).saturating_mul(vertices) > MAX_VERTICES {
         return Err(Error::option(
-            "--partition",
+            "partition",
             format!("{steps} steps of {vertices} vertices are more than {MAX_VERTICES} vertices in all"),
             "Take fewer steps or a larger eps",
         ));

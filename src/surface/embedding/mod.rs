@@ -82,11 +82,11 @@ impl EmbeddingOptions {
     fn check(&self) -> Result<()> {
         if !(4..=MOST_LANDMARKS).contains(&self.landmarks) {
             let what = format!("{} is not between 4 and {MOST_LANDMARKS}", self.landmarks);
-            return Err(Error::option("--landmarks", what, "2000 is enough for nearly every mesh"));
+            return Err(Error::option("landmarks", what, "2000 is enough for nearly every mesh"));
         }
         if ![4, 8, 12, 16].contains(&self.dimension) {
             let what = format!("{} is not 4, 8, 12 or 16", self.dimension);
-            return Err(Error::option("--dimension", what, "8 is enough for nearly every mesh"));
+            return Err(Error::option("dimension", what, "8 is enough for nearly every mesh"));
         }
         if self.tolerance.is_nan() || self.tolerance < 0.0 {
             let what = format!("{} is not a number from 0 on", self.tolerance);

@@ -477,8 +477,9 @@ fn middle<const K: usize>(z: &[Vector<f64, K>], t: [u32; 3]) -> Vector<f64, K> {
     combine(&[1.0 / 3.0; 3], t.map(|v| &z[v as usize]))
 }
 
-/// The triangle of the source from which the images of a triangle's points are looked for. The
-/// repair must begin where the field does, or turns back other images than it projects.
+/// The triangle of the source from which the images of a triangle's points are looked for.
+/// Repair and field must start from the same triangle, or the repair turns back images that the
+/// field never has.
 fn start_face<const K: usize>(
     closest: &ClosestOnSurface<'_, K>,
     z: &[Vector<f64, K>],

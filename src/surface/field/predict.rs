@@ -202,8 +202,8 @@ impl<const D: usize> Known<D> {
         self.a.iter().map(|a| phi(distance_squared(a, y).sqrt())).collect()
     }
 
-    /// How much wider the anchors stand on the source than on the target: not 1 at unit area where
-    /// one surface is a part of the other, or has a tail the other lacks.
+    /// How much wider the anchors stand on the source than on the target. At unit area this is 1,
+    /// unless one surface is part of the other or has a part the other lacks.
     fn scale<const M: usize>(&self, from: &[Vector<f64, M>], to: &[Vector<f64, M>]) -> f64 {
         let spread = |x: &[Vector<f64, M>]| {
             let mean = x.iter().fold([0.0; M], |sum, p| add_scaled(&sum, 1.0 / x.len() as f64, p));

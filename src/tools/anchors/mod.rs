@@ -132,7 +132,7 @@ pub fn propose(
 ) -> Result<Proposal> {
     if !(1..=MOST).contains(&options.count) {
         let what = format!("{} pairs", options.count);
-        return Err(Error::option("--count", what, format!("Give a number from 1 to {MOST}")));
+        return Err(Error::option("count", what, format!("Give a number from 1 to {MOST}")));
     }
     let components = [source.topology.component_count, target.topology.component_count];
     if components[0] != components[1] && seeds.is_empty() {

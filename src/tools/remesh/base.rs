@@ -24,7 +24,7 @@ const BEND: f64 = 0.5;
 pub fn automatic_base(mesh: &Mesh, topology: &Topology, vertices: usize) -> Result<Mesh> {
     if vertices < 4 {
         let what = format!("{vertices} vertices are too few for a mesh");
-        return Err(Error::option("--base-vertices", what, "Give some hundred"));
+        return Err(Error::option("base_vertices", what, "Give some hundred"));
     }
     let usable: Vec<[u32; 3]> =
         topology.triangles.iter().zip(&topology.usable).filter(|(_, u)| **u).map(|(t, _)| *t).collect();

@@ -160,17 +160,17 @@ impl<'a> Remesher<'a> {
     pub fn new(shape: Shape<'a>, base: &Mesh, options: &RemeshOptions) -> Result<Self> {
         if !(options.step > 0.0 && options.step <= 1.0) {
             let what = format!("{} is not above 0 and at most 1", options.step);
-            return Err(Error::option("--step", what, "1 goes all the way to the average, 0.5 half of it"));
+            return Err(Error::option("step", what, "1 goes all the way to the average, 0.5 half of it"));
         }
         if let Evenness::Fixed(c) = options.evenness
             && !(0.0..=1.0).contains(&c)
         {
             let what = format!("{c} is not between 0 and 1");
-            return Err(Error::option("--even", what, "0 is plain Laplacian smoothing, 1 evens lengths of edges"));
+            return Err(Error::option("even", what, "0 is plain Laplacian smoothing, 1 evens lengths of edges"));
         }
         if options.smooth > MOST_STEPS {
             let what = format!("{} is more than {MOST_STEPS}", options.smooth);
-            return Err(Error::option("--smooth", what, "A few steps are usual"));
+            return Err(Error::option("smooth", what, "A few steps are usual"));
         }
         let (polygons, used) = Polygons::of(base)?;
         // A level takes four times as many vertices, about one for each corner.
@@ -179,7 +179,7 @@ impl<'a> Remesher<'a> {
         if after > MOST_VERTICES {
             let what =
                 format!("{} levels of {} faces are more than {MOST_VERTICES} vertices", options.levels, polygons.len());
-            return Err(Error::option("--levels", what, "Give fewer levels"));
+            return Err(Error::option("levels", what, "Give fewer levels"));
         }
         let closest = ClosestPoints::new(shape.mesh, shape.topology);
         let places: Vec<DVec3> = used.iter().map(|&v| base.positions[v as usize]).collect();

@@ -85,33 +85,48 @@ impl Bands {
 impl Fragments {
     /// Draws what the triangle `t` with corners `p` has in the rows from `y0` to `y1`.
     fn draw(&mut self, t: u32, p: [DVec3; 3], y0: usize, y1: usize) {
-        let scan = Scan::new(p.map(DVec3::truncate));
-        // Needles of whole bands have no sample and need no edge functions.
-        let mut edges = None;
-        let completed = scan.rows(y0, y1).try_for_each(|y| {
-            let edges = edges.get_or_insert_with(|| Edges::new(p.map(DVec3::truncate))).as_ref()?;
-            let (left, right) = scan.span(y as f64 + 0.5);
-            let last = (right - 0.5).min(self.width as f64 - 1.0);
-            if last < 0.0 {
-                return Some(());
-            }
-            for x in at_or_above(left - 0.5)..=last as usize {
-                let Some(b) = edges.inside(DVec2::new(x as f64 + 0.5, y as f64 + 0.5)) else { continue };
-                let depth = (b[0] * p[0].z + b[1] * p[1].z + b[2] * p[2].z) as f32;
-                let i = (y - self.first_row) * self.width + x;
-                if depth < self.depth[i] {
-                    self.depth[i] = depth;
-                    self.triangle[i] = t;
+        let flat = p.map(DVec3::truncate);
+        let scan = Scan::new(flat);
+        // A needle without a sample in the band needs no edge functions.
+        let mut made = None;
+        for course in scan.courses(y0, y1) {
+            for rows in course.groups() {
+                for y in rows {
+                    let edges = match made {
+                        Some(edges) => edges,
+                        None => match Edges::new(flat) {
+                            Some(edges) => *made.insert(edges),
+                            // Without area in the picture it owns no sample.
+                            None => return,
+                        },
+                    };
+                    self.draw_row(t, p, &edges, y, scan.span(y as f64 + 0.5));
                 }
             }
-            Some(())
-        });
-        // `None`: a triangle without area in the picture owns no sample.
-        let (None | Some(())) = completed;
+        }
+    }
+
+    /// Draws a row of the triangle `t`, whose samples lie between `left` and `right`.
+    #[inline]
+    fn draw_row(&mut self, t: u32, p: [DVec3; 3], edges: &Edges, y: usize, (left, right): (f64, f64)) {
+        let last = (right - 0.5).min(self.width as f64 - 1.0);
+        if last < 0.0 {
+            return;
+        }
+        for x in at_or_above(left - 0.5)..=last as usize {
+            let Some(b) = edges.inside(DVec2::new(x as f64 + 0.5, y as f64 + 0.5)) else { continue };
+            let depth = (b[0] * p[0].z + b[1] * p[1].z + b[2] * p[2].z) as f32;
+            let i = (y - self.first_row) * self.width + x;
+            if depth < self.depth[i] {
+                self.depth[i] = depth;
+                self.triangle[i] = t;
+            }
+        }
     }
 }
 
 /// The edge functions of a triangle in the picture.
+#[derive(Clone, Copy)]
 pub(super) struct Edges {
     p: [DVec2; 3],
     area: f64,

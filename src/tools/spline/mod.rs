@@ -190,7 +190,7 @@ impl<'a> SplineSurface<'a> {
             let expected = edges * (2.0 + 0.5 / (tolerance / self.mesh.mean_edge_length()).sqrt());
             if expected > MOST_POINTS {
                 let what = format!("a curve as long as {edges:.0} edges of the mesh would take about {expected:.0e} points");
-                return Err(Error::option("--tolerance", what, "Give a larger one, or fewer control points"));
+                return Err(Error::option("tolerance", what, "Give a larger one, or fewer control points"));
             }
             let trace = trace::trace(&curve, options.samples, tolerance);
             let spans = curve.layout.spans();
@@ -272,11 +272,11 @@ impl<'a> SplineSurface<'a> {
         let n = controls.len();
         if !(o.tolerance >= LEAST_TOLERANCE && o.tolerance.is_finite()) {
             let what = format!("{} is not a number from {LEAST_TOLERANCE:e} on", o.tolerance);
-            return Err(Error::option("--tolerance", what, "Give a fraction of the mesh's diagonal, such as 1e-5"));
+            return Err(Error::option("tolerance", what, "Give a fraction of the mesh's diagonal, such as 1e-5"));
         }
         if o.samples > MOST_SAMPLES {
             let what = format!("{} is more than {MOST_SAMPLES}", o.samples);
-            return Err(Error::option("--samples", what, "Give fewer"));
+            return Err(Error::option("samples", what, "Give fewer"));
         }
         let most = if o.kind == SplineKind::BSpline { 5 } else { MOST_DEGREE };
         let degree = match (o.degree, o.kind) {
@@ -287,7 +287,7 @@ impl<'a> SplineSurface<'a> {
             (d, _) => d,
         };
         if degree > most {
-            return Err(Error::option("--degree", format!("{degree} is not 1 to {most}"), "3 is usual"));
+            return Err(Error::option("degree", format!("{degree} is not 1 to {most}"), "3 is usual"));
         }
         if n > MOST_CONTROLS / 2 {
             return Err(Error::input(

@@ -284,17 +284,17 @@ pub(super) fn check(source: &Mesh, layers: &[Layer<'_>], target: &Mesh, options:
     for (name, side) in [("width", options.width), ("height", options.height)] {
         if side == 0 || side > LARGEST_SIDE {
             return Err(Error::option(
-                "--size",
+                "size",
                 format!("{name} {side}"),
                 format!("Give a size from 1 to {LARGEST_SIDE}"),
             ));
         }
     }
     if !(1..=4).contains(&options.supersample) {
-        return Err(Error::option("--supersample", options.supersample.to_string(), "Give 1, 2, 3 or 4"));
+        return Err(Error::option("supersample", options.supersample.to_string(), "Give 1, 2, 3 or 4"));
     }
     if !(1..=16).contains(&options.taps) {
-        return Err(Error::option("--taps", options.taps.to_string(), "Give 1 to 16"));
+        return Err(Error::option("taps", options.taps.to_string(), "Give 1 to 16"));
     }
     if layers.is_empty() {
         return Err(Error::input("no texture to transfer", "Give at least one layer"));

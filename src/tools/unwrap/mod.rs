@@ -181,14 +181,14 @@ fn report(made: Charts, copies: usize, mesh: &Mesh, topology: &Topology, options
 
 fn check(mesh: &Mesh, topology: &Topology, options: &UnwrapOptions) -> Result<()> {
     if !(16..=16384).contains(&options.size) {
-        return Err(Error::option("--size", options.size.to_string(), "Give a size from 16 to 16384"));
+        return Err(Error::option("size", options.size.to_string(), "Give a size from 16 to 16384"));
     }
     if options.gap == 0 || options.gap > options.size / 4 {
         let what = format!("{} texels between charts of a texture of {}", options.gap, options.size);
-        return Err(Error::option("--gap", what, "Give 1 up to a quarter of the size"));
+        return Err(Error::option("gap", what, "Give 1 up to a quarter of the size"));
     }
     if !(1.0..=89.0).contains(&options.angle) {
-        return Err(Error::option("--chart-angle", options.angle.to_string(), "Give 1 to 89 degrees"));
+        return Err(Error::option("chart_angle", options.angle.to_string(), "Give 1 to 89 degrees"));
     }
     if !topology.usable.contains(&true) {
         return Err(Error::mesh(&mesh.name, "no triangle has an area", "Check the mesh and its units"));

@@ -112,7 +112,7 @@ pub fn warp_picture(
     let [width, height] = options.canvas.unwrap_or([image.width, image.height]);
     for (name, side) in [("width", width), ("height", height)] {
         if side == 0 || side > LARGEST_SIDE {
-            return Err(Error::option("--canvas", format!("{name} {side}"), format!("Give 1 to {LARGEST_SIDE}")));
+            return Err(Error::option("canvas", format!("{name} {side}"), format!("Give 1 to {LARGEST_SIDE}")));
         }
     }
     let memory = check_memory(image, [width, height], options)?;

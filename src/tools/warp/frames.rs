@@ -16,7 +16,7 @@ use crate::mapping::plane::{Cage, Partition};
 /// in 0..=1.
 pub fn cut(cage: &Cage, partition: &Partition, t: f64) -> Result<Vec<Polygon>> {
     if !(0.0..=1.0).contains(&t) {
-        return Err(Error::option("--frames", format!("there is no frame at {t}"), "Give a time from 0 to 1"));
+        return Err(Error::option("frames", format!("there is no frame at {t}"), "Give a time from 0 to 1"));
     }
     let before = partition.knots.partition_point(|&knot| knot < t).max(1);
     let mut polygons = partition.polygons[..before].to_vec();

@@ -241,7 +241,7 @@ fn source(session: &mut Session<'_>, path: &Path) -> Result<(Surface, bool)> {
     points.warnings.iter().for_each(|warning| session.warn(&format!("{}: {warning}", path.display())));
     let mesh = triangles_of_points(&points.mesh)?;
     let topology = Topology::new(&mesh);
-    Ok((Surface { mesh, topology, embedding: None, scene: None }, true))
+    Ok((Surface { mesh, topology, embedding: None, scene: None, notes: Vec::new() }, true))
 }
 
 pub(crate) fn require_texcoords(surface: &Surface) -> Result<()> {

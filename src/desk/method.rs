@@ -1,0 +1,134 @@
+//! The choice of a method, and the map that it makes between two subjects.
+
+use super::Subject;
+use crate::engine::Engine;
+use crate::error::{Error, Result};
+use crate::progress::Progress;
+use crate::surface::alignment::AlignmentReport;
+use crate::surface::correspondence::{CorrespondenceOptions, Method, Shape};
+use crate::surface::gpu::correspondence_on;
+use crate::surface::{AlignmentOptions, AnchorPairs, Embedding, EmbeddingOptions, PointMap, align};
+
+/// How points are carried.
+///
+/// | field | default | meaning |
+/// |---|---|---|
+/// | `method` | `Field` | the method |
+/// | `relax` | none | whether images are drawn onto the source; as the method is known where none |
+/// | `align` | no | whether the target is embedded once more, where anchors left out say it is better |
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Choice {
+    /// The method.
+    pub method: Method,
+    /// Whether images of `Field` and `Rbf` are drawn onto the source by a smooth relaxation.
+    pub relax: Option<bool>,
+    /// Whether `Field` tries to embed the target once more, from where its landmarks are on the
+    /// source.
+    pub align: bool,
+}
+
+/// A map, and how it came about.
+pub struct Made {
+    /// From points of the target to points of the source; owns what it needs.
+    pub map: Box<dyn PointMap + Send>,
+    /// What became of an alignment that was asked for.
+    pub alignment: Option<AlignmentReport>,
+    /// Sentences for the user: why it works on the CPU where a device was asked for.
+    pub notes: Vec<String>,
+}
+
+impl std::fmt::Debug for Made {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Made").field("alignment", &self.alignment).field("notes", &self.notes).finish_non_exhaustive()
+    }
+}
+
+impl Choice {
+    /// The method for a source that is no surface: radial basis functions where another one is
+    /// asked for.
+    pub fn for_points(self) -> Self {
+        use Method::{Closest, Rbf};
+        match self.method {
+            Rbf | Closest => Self { relax: Some(false), ..self },
+            _ => Self { method: Rbf, relax: Some(false), align: false },
+        }
+    }
+
+    /// The name in reports and messages.
+    pub fn name(self) -> &'static str {
+        match (self.method, self.relax) {
+            (Method::Rbf, Some(true)) => "rbf, relaxed",
+            (Method::Field, Some(false)) => "field, not relaxed",
+            (method, _) => method.name(),
+        }
+    }
+
+    /// The options of the correspondence.
+    ///
+    /// # Errors
+    /// [`Error::Option`] for `relax` or `align` with a method that has no use for it.
+    pub fn options(self) -> Result<CorrespondenceOptions> {
+        use Method::{Field, Rbf};
+        if self.relax.is_some() && !matches!(self.method, Field | Rbf) {
+            let what = format!("the method {} has nothing to relax", self.method.name());
+            return Err(Error::option("relax", what, "Use it with the method field or rbf"));
+        }
+        if self.align && self.method != Field {
+            let what = format!("the method {} has no use for it", self.method.name());
+            return Err(Error::option("align", what, "Use it with the method field"));
+        }
+        Ok(CorrespondenceOptions { method: self.method, relax: self.relax, ..CorrespondenceOptions::default() })
+    }
+}
+
+/// Makes the map from points of `target` to points of `source` where `engine` works. Both have
+/// their embeddings, made with `embedding`, where the method needs them ([`Subject::embed`]).
+///
+/// # Errors
+/// As [`Choice::options`], [`align`] and [`correspondence_on`].
+pub fn correspond(
+    engine: &Engine,
+    source: &Subject,
+    target: &Subject,
+    anchors: &AnchorPairs,
+    choice: &Choice,
+    embedding: &EmbeddingOptions,
+    progress: &dyn Progress,
+) -> Result<Made> {
+    let options = choice.options()?;
+    let mut alignment = None;
+    let mut aligned: Option<Embedding> = None;
+    if choice.align {
+        let options = AlignmentOptions {
+            embedding: *embedding,
+            relax: choice.relax.unwrap_or(true),
+            ..AlignmentOptions::default()
+        };
+        let made = align(source.shape(), target.shape(), anchors, &options, progress)?;
+        alignment = Some(made.report);
+        aligned = made.embedding;
+    }
+    // The target keeps its own embedding: another pair may want another.
+    let shape = Shape { embedding: aligned.as_ref().or(target.embedding.as_ref()), ..target.shape() };
+    let (map, note) = correspondence_on(engine, source.shape(), shape, anchors, &options)?;
+    Ok(Made { map, alignment, notes: note.into_iter().collect() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_are_for_methods_that_use_them() {
+        let all = [Method::Averages, Method::Transport, Method::Field, Method::Rbf, Method::Closest];
+        for method in all {
+            let relaxed = Choice { method, relax: Some(true), align: false }.options();
+            let fits = matches!(method, Method::Field | Method::Rbf);
+            assert_eq!(relaxed.is_ok(), fits, "{method:?}");
+            let aligned = Choice { method, relax: None, align: true }.options();
+            assert_eq!(aligned.is_ok(), method == Method::Field, "{method:?}");
+            let cloud = Choice { method, relax: None, align: false }.for_points();
+            assert!(!cloud.method.needs_embedding() && cloud.options().is_ok(), "{method:?}");
+        }
+    }
+}
