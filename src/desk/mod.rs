@@ -1,5 +1,5 @@
-//! The desk: shapes with all that is known of them, pairs found on them, and the choice of a
-//! method. What a window, a script and the command line share.
+//! The desk: shapes with all that is known of them, pairs found on them, the choice of a method,
+//! textures by role and material, and the names of what is written. What a window, a script and the command line share.
 //!
 //! Data in: files or meshes, anchors as they were written. Data out: a map between two owned
 //! [`Subject`]s, and sentences for the user, which the caller shows as it likes. Nothing here
@@ -39,10 +39,16 @@
 //! # }
 //! ```
 
+mod appearance;
+mod layer_reader;
 mod method;
+mod outputs;
 mod pairs;
 mod subject;
+mod textures;
 
 pub use method::{Choice, Made, correspond};
+pub use outputs::{Names, Part, Writer, part_of};
 pub use pairs::{Found, FoundPairs, find_pairs};
 pub use subject::Subject;
+pub use textures::{Textures, own_textures, textures};

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use barymap::desk::Textures;
 use barymap::io::output_set::OutputFolder;
 use barymap::io::target_list::{TargetItem, read_targets};
 use barymap::tools::transfer::Pyramids;
@@ -14,7 +15,7 @@ use crate::common::{Common, EmbeddingArguments, Session, Surface, anchor_pairs, 
 use crate::interrupt;
 use crate::layer_kinds::LayerKinds;
 use crate::method::MethodArguments;
-use crate::transfer::{self, Job, Look, Textures, add, require_texcoords, target_charts};
+use crate::transfer::{self, Job, Look, add, require_texcoords, target_charts};
 use crate::unwrap::Charts;
 
 #[derive(Debug, clap::Args)]
@@ -92,7 +93,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         .map_err(|e| Error::io(&arguments.output, e, "Name a folder that can be made and written with -o"))?;
     let mut session = Session::start(common)?;
     let source = session.mesh(&arguments.source)?;
-    let mut layers = transfer::textures(&arguments.texture, true, &source, &session)?;
+    let mut layers = barymap::desk::textures(&arguments.texture, true, &source.mesh, &|text| session.warn(text))?;
     if layers.iter().any(Textures::needs_texcoords) {
         require_texcoords(&source)?;
     }

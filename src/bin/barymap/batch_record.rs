@@ -9,7 +9,7 @@ use barymap::raster::{Image, Pixels};
 use barymap::{Error, Result};
 use serde_json::{Value, json};
 
-use crate::transfer::Textures;
+use barymap::desk::Textures;
 
 /// The record's file in the folder of a result.
 pub(crate) const FILE: &str = "item.json";

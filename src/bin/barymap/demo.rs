@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use barymap::desk::Textures;
 use barymap::geometry::SurfacePoint;
 use barymap::io::TextureName;
 use barymap::models::character_pair;
@@ -16,7 +17,7 @@ use serde_json::json;
 
 use crate::common::{Common, EmbeddingArguments, SamplingName, Session};
 use crate::method::MethodArguments;
-use crate::transfer::{FillName, FilterName, Job, Look, Textures, summary};
+use crate::transfer::{FillName, FilterName, Job, Look, summary};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {

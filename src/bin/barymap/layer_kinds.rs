@@ -5,7 +5,7 @@ use barymap::tools::transfer::{LayerKind, NormalY, Relief};
 use clap::ValueEnum;
 
 use crate::common::usage;
-use crate::transfer::Textures;
+use barymap::desk::Textures;
 
 /// Meanings of the layers.
 #[derive(Clone, Debug, Default, clap::Args)]

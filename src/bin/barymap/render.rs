@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 
+use barymap::desk::{Textures, own_textures};
 use barymap::tools::render::{Coloring, PlacedTexture, RenderOptions, render};
 use barymap::{Error, Result};
 use image::RgbaImage;
 
 use crate::common::{Common, Session, check_outputs, size};
 use crate::demo::{from_rgba, to_rgba};
-use crate::transfer::{Textures, own_textures};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -54,7 +54,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         None => Vec::new(),
     };
     let single = arguments.texture.as_ref().map(|p| to_rgba(&session.texture(p)?.image)).transpose()?;
-    let own = match (&single, own_textures(&surface)) {
+    let own = match (&single, own_textures(&surface.mesh)) {
         (None, Ok(own)) => Some(own),
         // A file without textures and colours is no fault; one whose textures cannot be read is
         // told.

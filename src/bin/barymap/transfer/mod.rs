@@ -1,13 +1,10 @@
 //! `barymap transfer`: the textures of one mesh on another.
 
-mod appearance;
-mod layer_reader;
 mod model;
-mod pictures;
-mod textures;
 
 use std::path::{Path, PathBuf};
 
+use barymap::desk::{Names, Textures, Writer, textures};
 use barymap::geometry::Topology;
 use barymap::io::{TextureName, finite};
 use barymap::surface::{AnchorPairs, IdentityMap, PointMap};
@@ -26,8 +23,6 @@ use crate::method::{MethodArguments, prepare};
 use crate::pictures::Quality;
 use crate::unwrap::{Charts, Shown};
 use model::{Skin, SourceLook};
-use pictures::{Names, Writer};
-pub(crate) use textures::{Textures, own_textures, textures};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -196,7 +191,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         ));
     }
     let all_roles = arguments.output.is_empty() || arguments.output.iter().any(|o| TextureName::new(o).has_role());
-    let mut layers = textures(&arguments.texture, all_roles, &source, &session)?;
+    let mut layers = textures(&arguments.texture, all_roles, &source.mesh, &|text| session.warn(text))?;
     let outputs = layer_names(&arguments.output, &layers)?;
     arguments.kinds.set(&mut layers)?;
     layers.iter_mut().for_each(|layer| arguments.quality.apply(&mut layer.metadata));
@@ -311,7 +306,7 @@ impl<'p> Job<'_, 'p> {
             model: self.look.model.as_deref(),
         };
         let roles: Vec<&str> = self.layers.iter().map(|l| l.role.as_str()).collect();
-        let parts = names.parts(&target.mesh, session)?;
+        let parts = names.parts(&target.mesh, &|text| session.warn(text))?;
         names.check(&parts, &roles, &target.mesh)?;
         let method = self.method;
         let map: Box<dyn PointMap + Send> = if IdentityMap::fits(&source.mesh, &target.mesh, self.anchors) {

@@ -5,6 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use barymap::Result;
+use barymap::desk::{Part, Textures, part_of};
 use barymap::geometry::material::{AlphaMode, BASE_COLOR, Look};
 use barymap::geometry::{Material, Mesh, NONE};
 use barymap::io::gltf_upright::turned_upright;
@@ -13,8 +14,6 @@ use barymap::io::image_file::encode_png;
 use barymap::io::{GlbMaterial, GlbTexture};
 use barymap::raster::Image;
 
-use super::pictures::{Part, part_of};
-use super::textures::Textures;
 use crate::common::{Session, Surface};
 use crate::model_file::finish;
 

@@ -1,11 +1,11 @@
 //! What materials show in a role: a picture with factors, or one colour.
 
-use barymap::Result;
-use barymap::geometry::material::{AlphaMode, BASE_COLOR, Material, Placement, TextureContent};
-use barymap::geometry::{Mesh, NONE};
-use barymap::io::TextureName;
-use barymap::raster::{Depth, Image, linear_to_srgb, srgb_to_linear};
-use barymap::tools::transfer::holds_normals;
+use crate::Result;
+use crate::geometry::material::{AlphaMode, BASE_COLOR, Material, Placement, TextureContent};
+use crate::geometry::{Mesh, NONE};
+use crate::io::TextureName;
+use crate::raster::{Depth, Image, linear_to_srgb, srgb_to_linear};
+use crate::tools::transfer::holds_normals;
 
 /// The materials of a source that faces show, and the normal maps among their height maps.
 pub(super) struct Appearance<'a> {
@@ -112,8 +112,8 @@ fn shown_color(material: &Material) -> [f32; 4] {
 /// Reads a picture.
 pub(super) fn read(content: &TextureContent, source: &Mesh) -> Result<Image> {
     match content {
-        TextureContent::Embedded(bytes) => barymap::io::image_file::decode_image(bytes, &source.name),
-        TextureContent::File(path) => Ok(barymap::io::read_texture(path)?.image),
+        TextureContent::Embedded(bytes) => crate::io::image_file::decode_image(bytes, &source.name),
+        TextureContent::File(path) => Ok(crate::io::read_texture(path)?.image),
     }
 }
 

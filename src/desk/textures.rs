@@ -1,42 +1,46 @@
-//! Which textures of the source are transferred: `--texture`, or those that its materials name.
+//! Which textures of the source are transferred: those that are asked for by role and material, or
+//! those that its materials name.
 
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use barymap::geometry::material::{BASE_COLOR, Placement, ROLES};
-use barymap::geometry::{Mesh, NONE};
-use barymap::io::TextureName;
-use barymap::io::image_file::Metadata;
-use barymap::raster::Image;
-use barymap::tools::transfer::{LayerKind, holds_normals};
-use barymap::{Error, Result};
+use crate::geometry::material::{BASE_COLOR, Placement, ROLES};
+use crate::geometry::{Mesh, NONE};
+use crate::io::TextureName;
+use crate::io::image_file::Metadata;
+use crate::raster::Image;
+use crate::tools::transfer::{LayerKind, holds_normals};
+use crate::{Error, Result};
 
 use super::appearance::Appearance;
 use super::layer_reader::Reader;
-use crate::common::{Session, Surface, usage};
 
-/// What `--texture` says for the colours of vertices, in both spellings.
+/// What a request says for the colours of vertices, in both spellings.
 const VERTEX_COLORS: [&str; 2] = ["vertex-colors", "vertex-colours"];
 
 /// The pictures of one layer and how the source uses them.
 #[derive(Debug)]
-pub(crate) struct Textures {
+pub struct Textures {
     /// What the layer is for: `base_color`, `roughness` ...
-    pub(crate) role: String,
-    pub(crate) images: Vec<Image>,
+    pub role: String,
+    /// The pictures.
+    pub images: Vec<Image>,
     /// How each picture lies on the source.
-    pub(crate) placements: Vec<Placement>,
+    pub placements: Vec<Placement>,
     /// Whether the pictures are multiplied by their materials' factors already.
-    pub(crate) multiplied: bool,
+    pub multiplied: bool,
     /// Colours of the vertices, in place of pictures.
-    pub(crate) vertices: Option<Vec<[f32; 4]>>,
-    pub(crate) material_texture: Vec<u32>,
-    pub(crate) default_texture: u32,
+    pub vertices: Option<Vec<[f32; 4]>>,
+    /// Picture of each material of the source, or [`NONE`].
+    pub material_texture: Vec<u32>,
+    /// Picture of triangles without a material, or [`NONE`].
+    pub default_texture: u32,
     /// Picture of each triangle, where tiles decide it.
-    pub(crate) face_texture: Option<Vec<u32>>,
-    pub(crate) kind: LayerKind,
+    pub face_texture: Option<Vec<u32>>,
+    /// What the values mean.
+    pub kind: LayerKind,
     /// What the files of the pictures say of their colours.
-    pub(crate) metadata: Metadata,
+    pub metadata: Metadata,
 }
 
 impl Textures {
@@ -56,7 +60,7 @@ impl Textures {
     }
 
     /// One picture for the whole source.
-    pub(crate) fn single(image: Image) -> Self {
+    pub fn single(image: Image) -> Self {
         Self {
             role: BASE_COLOR.to_owned(),
             images: vec![image],
@@ -75,7 +79,7 @@ impl Textures {
     fn of_vertices(role: &str, source: &Mesh) -> Result<Self> {
         if source.colors.is_empty() {
             let what = format!("{} has no vertex colours", source.name);
-            return Err(usage("--texture", &what, "Name a picture, or export the mesh with its colours"));
+            return Err(Error::option("texture", what, "Name a picture, or export the mesh with its colours"));
         }
         let material_texture = vec![0; source.materials.len()];
         let vertices = Some(source.colors.clone());
@@ -83,7 +87,7 @@ impl Textures {
     }
 
     /// Whether the source needs texture coordinates for it.
-    pub(crate) fn needs_texcoords(&self) -> bool {
+    pub fn needs_texcoords(&self) -> bool {
         self.images.iter().any(|i| (i.width, i.height) != (1, 1))
     }
 
@@ -97,7 +101,7 @@ impl Textures {
     }
 }
 
-/// One `--texture`.
+/// One request.
 struct Request {
     role: Option<String>,
     material: Option<String>,
@@ -130,10 +134,10 @@ impl Request {
             _ => {
                 let names: Vec<&str> = source.materials.iter().map(|m| m.name.as_str()).take(20).collect();
                 let materials = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
-                Err(usage(
-                    "--texture",
-                    &format!("{left:?} is neither a material of {} nor a role", source.name),
-                    &format!(
+                Err(Error::option(
+                    "texture",
+                    format!("{left:?} is neither a material of {} nor a role", source.name),
+                    format!(
                         "Write FILE, MATERIAL=FILE, ROLE=FILE or ROLE:MATERIAL=FILE. Its materials: {materials}. Roles: {}; others as ROLE:*=FILE",
                         ROLES.join(", ")
                     ),
@@ -143,24 +147,24 @@ impl Request {
     }
 }
 
-/// The layers that `--texture` asks for; without it those of the source's materials, in all roles
-/// if `all_roles`.
-pub(crate) fn textures(
-    texts: &[String],
-    all_roles: bool,
-    source: &Surface,
-    session: &Session<'_>,
-) -> Result<Vec<Textures>> {
-    let mesh = &source.mesh;
+/// The layers that `texts` ask for, each `FILE`, `MATERIAL=FILE`, `ROLE=FILE` or
+/// `ROLE:MATERIAL=FILE`, with `vertex-colors` as a file for the colours of vertices; without texts
+/// those of the source's materials, in all roles if `all_roles`. `tell` gets sentences for the
+/// user.
+///
+/// # Errors
+/// [`Error::Option`] for a text that names nothing of the source, or names something twice; what
+/// reading a picture returns.
+pub fn textures(texts: &[String], all_roles: bool, mesh: &Mesh, tell: &dyn Fn(&str)) -> Result<Vec<Textures>> {
     if texts.is_empty() {
-        return materials_textures(mesh, all_roles, Some(session));
+        return materials_textures(mesh, all_roles, tell);
     }
     let requests: Vec<Request> = texts.iter().map(|t| Request::parse(t, mesh)).collect::<Result<_>>()?;
     let plain = requests.iter().filter(|r| r.role.is_none() && r.material.is_none()).count();
     let bare = requests.iter().filter(|r| r.role.is_none() && r.material.is_some()).count();
     if plain > 0 && bare > 0 {
-        return Err(usage(
-            "--texture",
+        return Err(Error::option(
+            "texture",
             "some textures name a material and others do not",
             "Name a material for each, or for none; or say the role, too: base_color=FILE with base_color:MATERIAL=FILE",
         ));
@@ -179,24 +183,24 @@ pub(crate) fn textures(
             Some((_, known)) if known.iter().any(|r| r.material == request.material) => {
                 let what =
                     format!("{role} of {} is given twice", request.material.as_deref().unwrap_or("all materials"));
-                return Err(usage("--texture", &what, "Give each once, or put a role before it: ROLE=FILE"));
+                return Err(Error::option("texture", what, "Give each once, or put a role before it: ROLE=FILE"));
             }
             Some((_, known)) => known.push(request),
             None => layers.push((role, vec![request])),
         }
     }
-    layers.iter().map(|(role, requests)| layer(role, requests, mesh, session)).collect()
+    layers.iter().map(|(role, requests)| layer(role, requests, mesh, tell)).collect()
 }
 
-fn layer(role: &str, requests: &[Request], source: &Mesh, session: &Session<'_>) -> Result<Textures> {
+fn layer(role: &str, requests: &[Request], source: &Mesh, tell: &dyn Fn(&str)) -> Result<Textures> {
     if requests.iter().any(|r| VERTEX_COLORS.contains(&r.name.text())) {
         if let [Request { material: None, .. }] = requests {
             return Textures::of_vertices(role, source);
         }
         let what = "vertex colours are those of all materials";
-        return Err(usage("--texture", what, "Give vertex-colors alone for its role, without a material"));
+        return Err(Error::option("texture", what, "Give vertex-colors alone for its role, without a material"));
     }
-    let mut reader = Reader::new(Textures::empty(role, source), source, Some(session));
+    let mut reader = Reader::new(Textures::empty(role, source), source, tell);
     let named: BTreeSet<u32> = requests.iter().flat_map(|r| reader.materials(r.material.as_deref())).collect();
     for request in requests {
         let materials = reader.materials(request.material.as_deref());
@@ -205,24 +209,26 @@ fn layer(role: &str, requests: &[Request], source: &Mesh, session: &Session<'_>)
         reader.add(&request.name, wanted)?;
     }
     if role == "height" && reader.layer.images.iter().any(holds_normals) {
-        session.warn("the height texture looks like a normal map; if it is one, give it as normal=FILE");
+        tell("the height texture looks like a normal map; if it is one, give it as normal=FILE");
     }
     reader.finish()
 }
 
 /// What the source's own materials show as base colour; the colours of its vertices where they name
 /// no picture.
-pub(crate) fn own_textures(source: &Surface) -> Result<Textures> {
-    let layers = materials_textures(&source.mesh, false, None)?;
-    layers.into_iter().next().ok_or_else(|| none(&source.mesh))
+///
+/// # Errors
+/// [`Error::Option`] if they show nothing; what reading a picture returns.
+pub fn own_textures(source: &Mesh) -> Result<Textures> {
+    let layers = materials_textures(source, false, &|_| ())?;
+    layers.into_iter().next().ok_or_else(|| none(source))
 }
 
 fn none(source: &Mesh) -> Error {
-    usage("--texture", &format!("{} names no texture", source.name), "Give it with --texture FILE")
+    Error::option("texture", format!("{} names no texture", source.name), "Name a picture")
 }
 
-fn materials_textures(source: &Mesh, all_roles: bool, session: Option<&Session<'_>>) -> Result<Vec<Textures>> {
-    let tell = |text: &str| session.iter().for_each(|s| s.warn(text));
+fn materials_textures(source: &Mesh, all_roles: bool, tell: &dyn Fn(&str)) -> Result<Vec<Textures>> {
     let mut appearance = Appearance::new(source);
     if all_roles {
         appearance.recognise_normals(tell);
@@ -238,14 +244,14 @@ fn materials_textures(source: &Mesh, all_roles: bool, session: Option<&Session<'
     let wanted = |role: &&str| if *role == BASE_COLOR { !by_vertices } else { all_roles };
     let shown = |role: &&str| if *role == BASE_COLOR { appearance.shows(role) } else { appearance.has_pictures(role) };
     for role in ROLES.into_iter().filter(|r| wanted(r) && shown(r)) {
-        let mut reader = Reader::new(Textures::empty(role, source), source, session);
+        let mut reader = Reader::new(Textures::empty(role, source), source, tell);
         reader.layer.multiplied = true;
         let mut add = || appearance.used().try_for_each(|m| reader.add_appearance(&appearance, m));
-        match (add(), session) {
-            (Ok(()), _) => layers.push(reader.finish()?),
+        match add() {
+            Ok(()) => layers.push(reader.finish()?),
             // The base colour is what is asked for; of the rest what can be read comes along.
-            (Err(error), Some(session)) if role != BASE_COLOR => session.warn(&format!("{role} is left out: {error}")),
-            (Err(error), _) => return Err(error),
+            Err(error) if role != BASE_COLOR => tell(&format!("{role} is left out: {error}")),
+            Err(error) => return Err(error),
         }
     }
     if layers.is_empty() { Err(none(source)) } else { Ok(layers) }

@@ -3,28 +3,27 @@
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-use barymap::Result;
-use barymap::geometry::{Mesh, NONE};
-use barymap::io::TextureName;
-use barymap::io::image_file::Metadata;
-use barymap::io::output_set::OutputSet;
-use barymap::raster::Image;
-use barymap::tools::transfer::{TilesUsed, UvRegion, UvTile};
+use crate::geometry::{Mesh, NONE};
+use crate::io::TextureName;
+use crate::io::image_file::Metadata;
+use crate::io::output_set::OutputSet;
+use crate::raster::Image;
+use crate::tools::transfer::{TilesUsed, UvRegion, UvTile};
 
-use crate::common::{Session, usage};
+use crate::error::{Error, Result};
 
 /// What of the target one picture shows.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Part {
+pub struct Part {
     /// Only this material, where each has pictures of its own.
-    pub(super) material: Option<u32>,
+    pub material: Option<u32>,
     /// Only this tile, where each has a picture of its own.
-    pub(super) tile: Option<UvTile>,
+    pub tile: Option<UvTile>,
 }
 
 impl Part {
     /// The part of the plane of texture coordinates.
-    pub(super) fn region(&self) -> UvRegion {
+    pub fn region(&self) -> UvRegion {
         self.tile.map_or(UvRegion::Repeat, |t| UvRegion::Square(t.corner()))
     }
 
@@ -36,48 +35,55 @@ impl Part {
 
 /// The names of everything that is written.
 #[derive(Debug)]
-pub(super) struct Names<'a> {
+pub struct Names<'a> {
     /// For each layer, none without `-o`.
-    pub(super) layers: Vec<TextureName>,
-    pub(super) coverage: Option<TextureName>,
-    pub(super) stmap: Option<TextureName>,
-    pub(super) model: Option<&'a Path>,
+    pub layers: Vec<TextureName>,
+    /// Of the coverage.
+    pub coverage: Option<TextureName>,
+    /// Of the ST-map.
+    pub stmap: Option<TextureName>,
+    /// The model with everything attached.
+    pub model: Option<&'a Path>,
 }
 
 impl Names<'_> {
     fn all(&self) -> impl Iterator<Item = (&'static str, &TextureName)> {
-        let layers = self.layers.iter().map(|n| ("--output", n));
-        let others = [("--coverage", &self.coverage), ("--stmap", &self.stmap)];
+        let layers = self.layers.iter().map(|n| ("output", n));
+        let others = [("coverage", &self.coverage), ("stmap", &self.stmap)];
         layers.chain(others.into_iter().filter_map(|(option, n)| n.as_ref().map(|n| (option, n))))
     }
 
     /// The parts of the target that get pictures: by tiles if names have `<UDIM>`, by materials if
     /// they have `<MATERIAL>`.
-    pub(super) fn parts(&self, target: &Mesh, session: &Session<'_>) -> Result<Vec<Part>> {
+    ///
+    /// # Errors
+    /// [`Error::Option`] if some names have `<UDIM>` or `<MATERIAL>` and others do not;
+    /// [`Error::Mesh`] if no triangle lies in a tile.
+    pub fn parts(&self, target: &Mesh, tell: &dyn Fn(&str)) -> Result<Vec<Part>> {
         let (tiles, materials) = (self.all().any(|n| n.1.has_tile()), self.all().any(|n| n.1.has_material()));
         let incomplete = |(_, n): &(&str, &TextureName)| n.has_tile() != tiles || n.has_material() != materials;
         if let Some((option, name)) = self.all().find(incomplete) {
             let what =
                 format!("{:?} would be written several times: other names have <UDIM> or <MATERIAL>", name.text());
-            return Err(usage(option, &what, "Put the same of <UDIM> and <MATERIAL> into every name"));
+            return Err(Error::option(option, what, "Put the same of <UDIM> and <MATERIAL> into every name"));
         }
         let used = TilesUsed::of(target, |_| true);
         // With a model alone nobody can say it; tiles are told by the texture coordinates then.
         let tiles = tiles || (self.layers.is_empty() && used.beyond_the_unit_square() && used.crossing.0 == 0);
         if !tiles && used.beyond_the_unit_square() {
-            session.warn(&format!(
+            tell(&format!(
                 "{}: texture coordinates leave the unit square and are wrapped into one picture; name one file a tile with <UDIM>",
                 target.name
             ));
         }
         if let (true, (n @ 1.., t)) = (tiles, used.unnumbered) {
-            session.warn(&format!(
+            tell(&format!(
                 "{}: {n} triangles lie in squares that have no UDIM number, first {t}; they get no picture",
                 target.name
             ));
         }
         if let (true, (n @ 1.., t)) = (tiles, used.crossing) {
-            session.warn(&format!("{}: {n} triangles reach over the border of a tile, first {t}", target.name));
+            tell(&format!("{}: {n} triangles reach over the border of a tile, first {t}", target.name));
         }
         let of_material: Vec<Option<u32>> = match materials {
             false => vec![None],
@@ -101,24 +107,27 @@ impl Names<'_> {
         }
         if parts.is_empty() {
             let remedy = "Move the texture coordinates to columns 0 to 9 and rows from 0, or leave <UDIM> out";
-            return Err(barymap::Error::mesh(&target.name, "no triangle lies in a tile with a UDIM number", remedy));
+            return Err(Error::mesh(&target.name, "no triangle lies in a tile with a UDIM number", remedy));
         }
         Ok(parts)
     }
 
     /// Fails where two pictures would get the same name, or one could not be written.
-    pub(super) fn check(&self, parts: &[Part], roles: &[&str], target: &Mesh) -> Result<()> {
+    ///
+    /// # Errors
+    /// [`Error::Option`], and what writing there would return.
+    pub fn check(&self, parts: &[Part], roles: &[&str], target: &Mesh) -> Result<()> {
         let mut seen = HashSet::new();
         for part in parts {
-            let layers = self.layers.iter().zip(roles).map(|(n, role)| ("--output", n, *role));
-            let others = [("--coverage", &self.coverage, "coverage"), ("--stmap", &self.stmap, "stmap")];
+            let layers = self.layers.iter().zip(roles).map(|(n, role)| ("output", n, *role));
+            let others = [("coverage", &self.coverage, "coverage"), ("stmap", &self.stmap, "stmap")];
             let others = others.into_iter().filter_map(|(o, n, role)| n.as_ref().map(|n| (o, n, role)));
             for (option, name, role) in layers.chain(others) {
                 let file = part.file(name, role, target);
-                barymap::io::output::check_writable(&file)?;
+                crate::io::output::check_writable(&file)?;
                 if !seen.insert(file.clone()) && !special(&file) {
                     let what = format!("{} would be written twice", file.display());
-                    return Err(usage(option, &what, "Give each output a name of its own"));
+                    return Err(Error::option(option, what, "Give each output a name of its own"));
                 }
             }
         }
@@ -126,15 +135,17 @@ impl Names<'_> {
     }
 
     /// File of layer `layer` for a part.
-    pub(super) fn layer(&self, layer: usize, role: &str, part: &Part, target: &Mesh) -> Option<PathBuf> {
+    pub fn layer(&self, layer: usize, role: &str, part: &Part, target: &Mesh) -> Option<PathBuf> {
         self.layers.get(layer).map(|n| part.file(n, role, target))
     }
 
-    pub(super) fn coverage(&self, part: &Part, target: &Mesh) -> Option<PathBuf> {
+    /// File of the coverage of a part.
+    pub fn coverage(&self, part: &Part, target: &Mesh) -> Option<PathBuf> {
         self.coverage.as_ref().map(|n| part.file(n, "coverage", target))
     }
 
-    pub(super) fn stmap(&self, part: &Part, target: &Mesh) -> Option<PathBuf> {
+    /// File of the ST-map of a part.
+    pub fn stmap(&self, part: &Part, target: &Mesh) -> Option<PathBuf> {
         self.stmap.as_ref().map(|n| part.file(n, "stmap", target))
     }
 }
@@ -146,26 +157,37 @@ fn special(path: &Path) -> bool {
 
 /// Files that appear together, folder by folder.
 #[derive(Debug, Default)]
-pub(super) struct Writer {
+pub struct Writer {
     sets: BTreeMap<PathBuf, OutputSet>,
     /// Everything written, in order.
-    pub(super) files: Vec<String>,
+    pub files: Vec<String>,
 }
 
 impl Writer {
-    pub(super) fn image(&mut self, image: &Image, path: &Path) -> Result<()> {
+    /// Writes a picture of which nothing is told.
+    ///
+    /// # Errors
+    /// As [`Writer::picture`].
+    pub fn image(&mut self, image: &Image, path: &Path) -> Result<()> {
         self.picture(image, &Metadata::default(), path).map(drop)
     }
 
     /// Writes a picture with what is told of it; returns what its format has no place for.
-    pub(super) fn picture(&mut self, image: &Image, metadata: &Metadata, path: &Path) -> Result<Vec<String>> {
+    ///
+    /// # Errors
+    /// What writing a file returns.
+    pub fn picture(&mut self, image: &Image, metadata: &Metadata, path: &Path) -> Result<Vec<String>> {
         let place = self.place(path)?;
-        barymap::io::write_picture(image, metadata, place)
+        crate::io::write_picture(image, metadata, place)
     }
 
-    pub(super) fn bytes(&mut self, bytes: &[u8], path: &Path) -> Result<()> {
+    /// Writes a file.
+    ///
+    /// # Errors
+    /// What writing a file returns.
+    pub fn bytes(&mut self, bytes: &[u8], path: &Path) -> Result<()> {
         let place = self.place(path)?;
-        barymap::io::output::write_bytes(place, bytes)
+        crate::io::output::write_bytes(place, bytes)
     }
 
     fn place(&mut self, path: &Path) -> Result<PathBuf> {
@@ -183,7 +205,11 @@ impl Writer {
         }
     }
 
-    pub(super) fn finish(self) -> Result<Vec<String>> {
+    /// Lets all files appear, and returns their names in order.
+    ///
+    /// # Errors
+    /// What renaming a file returns.
+    pub fn finish(self) -> Result<Vec<String>> {
         self.sets.into_values().try_for_each(OutputSet::finish)?;
         Ok(self.files)
     }
@@ -191,7 +217,7 @@ impl Writer {
 
 /// Part of each triangle: its place in `parts`, or [`NONE`]. One that reaches over several tiles is
 /// in that of its centre.
-pub(super) fn part_of(parts: &[Part], target: &Mesh) -> Vec<u32> {
+pub fn part_of(parts: &[Part], target: &Mesh) -> Vec<u32> {
     let by_tile = parts.iter().any(|p| p.tile.is_some());
     let by_material = parts.iter().any(|p| p.material.is_some());
     let places: HashMap<(Option<u32>, Option<UvTile>), u32> =

@@ -3,23 +3,22 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use barymap::geometry::material::{Placement, TextureContent};
-use barymap::geometry::{Mesh, NONE};
-use barymap::io::TextureName;
-use barymap::io::image_file::read_texture;
-use barymap::raster::Image;
-use barymap::tools::transfer::{TilesUsed, UvTile};
-use barymap::{Error, Result};
+use crate::geometry::material::{Placement, TextureContent};
+use crate::geometry::{Mesh, NONE};
+use crate::io::TextureName;
+use crate::io::image_file::read_texture;
+use crate::raster::Image;
+use crate::tools::transfer::{TilesUsed, UvTile};
+use crate::{Error, Result};
 
 use super::appearance::{self, Appearance};
 use super::textures::Textures;
-use crate::common::{Session, usage};
 
 /// A layer as its pictures are read.
 pub(super) struct Reader<'a> {
     pub(super) layer: Textures,
     source: &'a Mesh,
-    session: Option<&'a Session<'a>>,
+    tell: &'a dyn Fn(&str),
     /// Pictures of files, by how they lie.
     known: Vec<(PathBuf, Placement, u32)>,
     /// Whether a file told of its colours yet.
@@ -27,14 +26,12 @@ pub(super) struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    pub(super) fn new(layer: Textures, source: &'a Mesh, session: Option<&'a Session<'a>>) -> Self {
-        Self { layer, source, session, known: Vec::new(), told: false }
+    pub(super) fn new(layer: Textures, source: &'a Mesh, tell: &'a dyn Fn(&str)) -> Self {
+        Self { layer, source, tell, known: Vec::new(), told: false }
     }
 
     fn warn(&self, text: &str) {
-        if let Some(session) = self.session {
-            session.warn(text);
-        }
+        (self.tell)(text);
     }
 
     /// Indices of the materials of a name.
@@ -259,7 +256,7 @@ impl<'a> Reader<'a> {
                 ),
                 None => format!("{}: its faces have no material, and so no {}", self.source.name, self.layer.role),
             };
-            return Err(usage("--texture", &what, "Name a picture with --texture FILE, or mend the material library"));
+            return Err(Error::option("texture", what, "Name a picture, or mend the material library"));
         }
         without.retain(|m, _| !with.contains(m));
         if !without.is_empty() {
