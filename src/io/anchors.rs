@@ -73,7 +73,7 @@ pub struct PairRemark {
 }
 
 /// Writes pairs as JSON, whole or not at all: `"source"` and `"target"` as [`read_pairs`] takes
-/// them (vertices by index), and a list `"pairs"` with a remark on each.
+/// them (vertices by index), and a list `"pairs"` with a remark on each, where there are remarks.
 ///
 /// # Errors
 /// [`Error::Io`].
@@ -86,7 +86,8 @@ pub fn write_pairs(
     target: (&Mesh, &[SurfacePoint]),
     remarks: &[PairRemark],
 ) -> Result<()> {
-    assert!(source.1.len() == target.1.len() && target.1.len() == remarks.len(), "one remark for each pair");
+    assert!(source.1.len() == target.1.len(), "as many points on both");
+    assert!(remarks.is_empty() || remarks.len() == target.1.len(), "one remark for each pair, or none");
     let points = |(mesh, points): (&Mesh, &[SurfacePoint])| -> Value {
         let entry = |p: &SurfacePoint| match p.barycentric.iter().position(|b| *b == 1.0) {
             Some(k) => Value::from(mesh.triangle(p.face as usize)[k]),
@@ -104,8 +105,10 @@ pub fn write_pairs(
         }
         value
     };
-    let pairs: Value = remarks.iter().map(remark).collect();
-    let value = serde_json::json!({"source": points(source), "target": points(target), "pairs": pairs});
+    let mut value = serde_json::json!({"source": points(source), "target": points(target)});
+    if !remarks.is_empty() {
+        value["pairs"] = remarks.iter().map(remark).collect();
+    }
     super::report::write_report(path, &value)
 }
 

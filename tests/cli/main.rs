@@ -9,6 +9,7 @@ mod cage;
 mod cases;
 mod decal;
 mod deform;
+mod docs;
 mod faults;
 mod finite;
 mod gltf;

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use barymap::desk::Textures;
-use barymap::geometry::SurfacePoint;
+use barymap::geometry::{Material, SurfacePoint};
 use barymap::io::TextureName;
 use barymap::models::character_pair;
 use barymap::raster::{Image, Pixels};
@@ -93,6 +93,21 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let picture = side_by_side(&[before, after], 20, [255; 4])?;
     barymap::io::write_image(&from_rgba(&picture)?, path("demo.png"))?;
     barymap::io::write_image(&from_rgba(&texture)?, path("source_texture.png"))?;
+    // The same as files, so that the commands of the documentation have something to work on.
+    let mut painted = source.mesh.clone();
+    painted.set_material(Material {
+        name: "skin".into(),
+        base_color_texture: Some(path("source_texture.png")),
+        ..Material::default()
+    });
+    barymap::io::write_obj(&painted, path("source.obj"))?;
+    barymap::io::write_obj(&target.mesh, path("target.obj"))?;
+    barymap::io::anchors::write_pairs(
+        path("pairs.json"),
+        (&source.mesh, &anchors.source),
+        (&target.mesh, &anchors.target),
+        &[],
+    )?;
     barymap::io::report::write_report(path("report.json"), &report)?;
     session.write_report(&report)?;
     summary(&session, &texture_file, &result, &report);
@@ -101,6 +116,12 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         e.mean, e.median, e.p95, e.max
     ));
     session.say(&format!("look at {} and {}", path("demo.png").display(), path("model.glb").display()));
+    session.say(&format!(
+        "its input, for your own first tries: {}, {} and {}",
+        path("source.obj").display(),
+        path("target.obj").display(),
+        path("pairs.json").display()
+    ));
     Ok(())
 }
 

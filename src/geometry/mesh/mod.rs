@@ -86,6 +86,12 @@ impl Mesh {
         builder.build()
     }
 
+    /// Gives all polygons one material, in place of those that they have.
+    pub fn set_material(&mut self, material: Material) {
+        self.materials = vec![material];
+        self.polygon_material.fill(0);
+    }
+
     /// Number of vertices, used or not.
     pub fn vertex_count(&self) -> usize {
         self.positions.len()
