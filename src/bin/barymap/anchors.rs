@@ -92,6 +92,9 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         }
         session.watch.lap("check");
     }
+    if arguments.check && outliers.is_empty() {
+        session.say(&format!("{} pairs, none contradicts the others", seeds.len()));
+    }
     let proposal = if arguments.check {
         None
     } else {
