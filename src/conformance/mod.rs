@@ -21,6 +21,7 @@ use crate::engine::{Engine, Gpu, Kernel, reflect};
 use crate::error::Result;
 
 pub use scene::{Scene, Surface};
+#[doc(hidden)]
 pub use surface::MOST_APART;
 
 /// One comparison of a device with its reference.

@@ -27,19 +27,27 @@
 //! [`crate::engine::Real`]; double precision is the truth.
 
 mod blend;
+#[doc(hidden)]
 pub mod cascade;
 mod collapse;
 mod connectivity;
 mod cost;
+#[doc(hidden)]
 pub mod decode;
+#[doc(hidden)]
 pub mod derivative;
 mod direct;
 mod encode;
+#[doc(hidden)]
 pub mod gpu;
+#[doc(hidden)]
 pub mod gradients;
+#[doc(hidden)]
 pub mod hierarchy;
+#[doc(hidden)]
 pub mod measures;
 mod rings;
+#[doc(hidden)]
 pub mod sequence;
 pub mod similarity;
 mod solver;
@@ -52,12 +60,22 @@ mod vector;
 mod weights;
 
 pub use blend::Blend;
-pub use cascade::{DecodeReport, Decoder, LevelReport, Quality};
+pub use cascade::{DecodeReport, Quality};
+#[doc(hidden)]
+pub use cascade::{Decoder, LevelReport};
+#[doc(hidden)]
 pub use connectivity::Connectivity;
 pub use encode::Encoding;
-pub use hierarchy::{Hierarchy, HierarchyOptions};
-pub use sequence::{Frame, Played, SequenceQuality};
+#[doc(hidden)]
+pub use hierarchy::Hierarchy;
+pub use hierarchy::HierarchyOptions;
+#[doc(hidden)]
+pub use sequence::Played;
+pub use sequence::{Frame, SequenceQuality};
 pub use similarity::Similarity;
+#[doc(hidden)]
 pub use stencil::Stencils;
+#[doc(hidden)]
 pub use store::cache_key;
+#[doc(hidden)]
 pub use vector::V3;

@@ -13,10 +13,13 @@ mod compact;
 mod dispatch;
 mod gpu;
 mod kernel;
+#[doc(hidden)]
 pub mod lane;
 mod options;
 mod pyramid;
+#[doc(hidden)]
 pub mod readback;
+#[doc(hidden)]
 pub mod real;
 pub mod reduce;
 pub mod reflect;
@@ -31,18 +34,25 @@ pub use capability::Capabilities;
 pub use compact::{Compaction, Matching};
 pub use dispatch::{Batch, Submission};
 pub use gpu::{Gpu, Pipeline};
-pub use kernel::{BindingKind, GROUP, Kernel, Layout, SPAN_LAYOUT, Span, UNIFORM_BLOCK};
+pub use kernel::{BindingKind, GROUP, Kernel, Layout, Span};
+#[doc(hidden)]
+pub use kernel::{SPAN_LAYOUT, UNIFORM_BLOCK};
+#[doc(hidden)]
 pub use lane::{Lane, LaneScalar, Lanes, Sweep, TILE};
 pub use options::{Backend, DeviceLimits, EngineOptions};
+#[doc(hidden)]
 pub use pyramid::{Pyramid, Word};
 pub use readback::ReadbackRing;
+#[doc(hidden)]
 pub use real::Real;
+#[doc(hidden)]
 pub use shader::{Composed, compose};
 pub use start::{Description, Engine};
 pub use table::Table;
 pub use traffic::Traffic;
 
 /// The engine's own kernels.
+#[doc(hidden)]
 pub const KERNELS: &[&Kernel] = &[
     &canary::CANARY,
     &compact::COMPACT_COUNT,

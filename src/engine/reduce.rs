@@ -11,12 +11,14 @@ use super::kernel::{BindingKind, GROUP, Kernel, Layout, layout};
 use crate::error::Result;
 
 /// Values that one workgroup turns into one.
+#[doc(hidden)]
 pub const RUN: usize = (GROUP * ITEMS) as usize;
 pub(super) const ITEMS: u32 = 16;
 
 /// A value and where it stood.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[doc(hidden)]
 pub struct Candidate {
     /// The value.
     pub value: f32,

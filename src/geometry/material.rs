@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-pub use super::placement::{Placement, Wrap};
+pub use super::placement::Placement;
+#[doc(hidden)]
+pub use super::placement::Wrap;
 
 /// A material by name, with the textures it refers to.
 #[derive(Clone, Debug, PartialEq)]
@@ -79,6 +81,7 @@ impl Material {
 /// Name of the role of colour.
 pub const BASE_COLOR: &str = "base_color";
 /// Names of the roles that are known: glTF's, and those that others keep apart.
+#[doc(hidden)]
 pub const ROLES: [&str; 13] = [
     BASE_COLOR,
     "metallic_roughness",
@@ -97,6 +100,7 @@ pub const ROLES: [&str; 13] = [
 
 /// A texture of a material.
 #[derive(Clone, Debug, PartialEq)]
+#[doc(hidden)]
 pub struct RoleTexture {
     /// What it is for: `metallic_roughness` (roughness in green, metallic in blue, as glTF packs
     /// them), `roughness`, `metallic`, `normal`, `occlusion`, `emissive`, `height`, `opacity` ...
@@ -119,6 +123,7 @@ impl RoleTexture {
 /// A statement of an MTL file that no other field of a [`Material`] holds, as bytes, kept to be
 /// written again.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[doc(hidden)]
 pub struct Statement {
     /// All of it, or what stands before the file.
     pub text: Vec<u8>,
@@ -128,6 +133,7 @@ pub struct Statement {
 
 /// Where a texture is.
 #[derive(Clone, Debug, PartialEq)]
+#[doc(hidden)]
 pub enum TextureContent {
     /// A file that can be opened.
     File(PathBuf),

@@ -2,11 +2,15 @@
 
 pub(crate) mod bending;
 pub(crate) mod cholesky;
+#[doc(hidden)]
 pub mod closest;
+#[doc(hidden)]
 pub mod diagnosis;
 pub mod frame;
+#[doc(hidden)]
 pub mod geodesics;
 pub(crate) mod isomorphism;
+#[doc(hidden)]
 pub mod laplacian;
 pub mod material;
 pub mod mesh;
@@ -14,10 +18,13 @@ mod pieces;
 pub(crate) mod placement;
 pub mod polygon;
 pub mod sampling;
+#[doc(hidden)]
 pub mod simplify;
 pub mod surface_point;
+#[doc(hidden)]
 pub mod tangent_frames;
 pub mod texcoords;
+#[doc(hidden)]
 pub mod topology;
 mod triangulate;
 pub(crate) mod union_find;
@@ -26,17 +33,25 @@ pub mod weld;
 
 /// Sizes and coordinates whose squared products neither overflow nor vanish, nor lose the exactness
 /// of predicates.
+#[doc(hidden)]
 pub const RANGE: std::ops::RangeInclusive<f64> = 1e-100..=1e100;
 
 pub use closest::ClosestPoints;
 pub use diagnosis::Diagnosis;
 pub use frame::Frame;
-pub use geodesics::{Geodesics, March};
-pub use laplacian::{Laplacian, SparseRows};
+pub use geodesics::Geodesics;
+#[doc(hidden)]
+pub use geodesics::March;
+pub use laplacian::Laplacian;
+#[doc(hidden)]
+pub use laplacian::SparseRows;
 pub use material::Material;
 pub use mesh::{Corner, Mesh, MeshBuilder, NONE};
-pub use placement::{Placement, Wrap};
+pub use placement::Placement;
+#[doc(hidden)]
+pub use placement::Wrap;
 pub use polygon::{Defect, Polygon, Side};
+#[doc(hidden)]
 pub use simplify::{Simplified, SimplifyOptions, simplify};
 pub use surface_point::SurfacePoint;
 pub use topology::Topology;

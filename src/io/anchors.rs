@@ -32,6 +32,7 @@ pub enum AnchorSpec {
 
 /// Distances from a mesh, in the diagonal of its bounding box, beyond which a position is a
 /// mistake: other units, or another mesh.
+#[doc(hidden)]
 pub const FARTHEST: f64 = 100.0;
 
 /// Anchors of one mesh, with the file they came from.
@@ -54,6 +55,7 @@ pub struct AnchorPairs {
 
 /// An anchor found on its mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[doc(hidden)]
 pub struct ResolvedAnchor {
     /// The point.
     pub point: SurfacePoint,
@@ -365,9 +367,11 @@ impl AnchorList {
 }
 
 /// What to do about a position beyond [`FARTHEST`].
+#[doc(hidden)]
 pub const ELSEWHERE: &str = "Check its units, and that it belongs to this mesh";
 
 /// The words about a position that is `distance` away from a mesh with this diagonal.
+#[doc(hidden)]
 pub fn lies_off(distance: f64, diagonal: f64) -> String {
     format!("lies {distance:.4e} off the mesh, {:.0} times its diagonal", distance / diagonal)
 }

@@ -11,6 +11,7 @@ use crate::{Error, Result};
 
 /// More vertices than this in one cage are not read: every point of a picture is compared with
 /// every edge.
+#[doc(hidden)]
 pub const MOST_VERTICES: usize = 1 << 16;
 
 /// What the coordinates of a cage count.
@@ -36,6 +37,7 @@ impl CageUnits {
 /// The loops of a cage as the file has them: as many in the source as in the target, and as many
 /// vertices in each pair of loops.
 #[derive(Clone, Debug, PartialEq)]
+#[doc(hidden)]
 pub struct CageFile {
     /// Where the picture is.
     pub source: Vec<Vec<DVec2>>,
@@ -61,6 +63,7 @@ pub fn read_cage(path: impl AsRef<Path>) -> Result<CageFile> {
 ///
 /// # Errors
 /// As [`read_cage`].
+#[doc(hidden)]
 pub fn parse_cage(text: &str, name: impl AsRef<Path>) -> Result<CageFile> {
     const SHAPE: &str = "Write {\"source\": [[x, y], ...], \"target\": [[x, y], ...]}, or lists of such loops";
     let name = name.as_ref();

@@ -33,7 +33,9 @@ use super::{output, source};
 use crate::raster::{Image, Pixels};
 use crate::{Error, Result};
 
-pub use self::metadata::{Density, DensityUnit, Metadata, Part};
+#[doc(hidden)]
+pub use self::metadata::{Density, DensityUnit};
+pub use self::metadata::{Metadata, Part};
 
 /// More samples than this in one picture are not read: 32768 x 32768 pixels of 8-bit RGBA, or 16384
 /// x 16384 of float RGBA.
@@ -106,6 +108,7 @@ pub fn read_image(path: impl AsRef<Path>) -> Result<Image> {
 ///
 /// # Errors
 /// As [`read_image`].
+#[doc(hidden)]
 pub fn decode_image(bytes: &[u8], name: impl AsRef<Path>) -> Result<Image> {
     Ok(decode(bytes, name.as_ref(), None)?.image)
 }

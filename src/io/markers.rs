@@ -14,6 +14,7 @@ use crate::{Error, Result};
 
 /// A place on a mesh.
 #[derive(Clone, Debug, PartialEq)]
+#[doc(hidden)]
 pub enum MarkerPlace {
     /// These vertices, 0-based.
     Vertices(Vec<u32>),

@@ -7,14 +7,17 @@
 
 pub mod anchors;
 mod assemble;
+#[doc(hidden)]
 pub mod attribute_table;
 pub mod cache;
 pub mod cage;
 pub mod decal_anchors;
 mod encoding;
+#[doc(hidden)]
 pub mod finite;
 mod finite_gltf;
 pub mod geojson;
+#[doc(hidden)]
 pub mod gltf_animation;
 mod gltf_colors;
 mod gltf_components;
@@ -35,6 +38,7 @@ mod gltf_materials;
 mod gltf_nodes;
 mod gltf_parts;
 mod gltf_pose;
+#[doc(hidden)]
 pub mod gltf_read;
 #[cfg(test)]
 mod gltf_samples;
@@ -53,16 +57,22 @@ pub mod markers;
 pub mod mask;
 mod material_library;
 pub mod motion;
+#[doc(hidden)]
 pub mod npy;
+#[doc(hidden)]
 pub mod obj;
 pub mod obj_write;
+#[doc(hidden)]
 pub mod off;
 pub mod outline;
 pub mod output;
 pub mod output_set;
+#[doc(hidden)]
 pub mod ply;
 mod ply_header;
+#[doc(hidden)]
 pub mod ply_write;
+#[doc(hidden)]
 pub mod point_table;
 pub mod points;
 pub mod polyline;
@@ -89,19 +99,28 @@ use glam::DVec3;
 use crate::geometry::{Mesh, RANGE, Weld, weld};
 use crate::{Error, Result};
 
-pub use anchors::{AnchorList, AnchorPairs, AnchorSpec, ResolvedAnchor};
+#[doc(hidden)]
+pub use anchors::ResolvedAnchor;
+pub use anchors::{AnchorList, AnchorPairs, AnchorSpec};
 pub use cache::{Cache, CacheKey};
-pub use gltf_animation::{GlbAnimation, GlbAnimationReport, MorphForm, write_animated_glb};
+#[doc(hidden)]
+pub use gltf_animation::write_animated_glb;
+pub use gltf_animation::{GlbAnimation, GlbAnimationReport, MorphForm};
 pub use gltf_scene::{GltfScene, KeepTextures, SceneEdit, SkinWeights};
+#[doc(hidden)]
 pub use gltf_skin::SkinTable;
 pub use gltf_write::{GlbMaterial, GlbTexture, write_glb};
 pub use handles::{check_handles, read_handles, read_vertex_list};
 pub use image_file::{read_image, read_picture, read_texture, write_image, write_picture};
-pub use markers::{MarkerPlace, read_markers};
+#[doc(hidden)]
+pub use markers::MarkerPlace;
+pub use markers::read_markers;
 pub use mask::read_mask;
 pub use motion::{Motion, read_motion};
 pub use obj_write::write_obj;
-pub use output::{check_writable, write_atomically};
+pub use output::check_writable;
+#[doc(hidden)]
+pub use output::write_atomically;
 pub use ply_write::write_ply;
 pub use report::write_report;
 pub use texture_name::TextureName;

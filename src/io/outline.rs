@@ -4,6 +4,7 @@ use glam::DVec2;
 
 /// A piece of an outline from where the one before it ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[doc(hidden)]
 pub enum Segment {
     /// Straight to a point.
     Line(DVec2),

@@ -35,6 +35,7 @@ const REMEDY: &str = "Check the folder, its permissions and the free space, or n
 ///
 /// # Errors
 /// [`Error::Io`] if the folder is missing or cannot be written, and whatever `write` returns.
+#[doc(hidden)]
 pub fn write_atomically<T>(
     path: impl AsRef<Path>,
     write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<T>,

@@ -26,6 +26,7 @@ pub struct MapRow {
 }
 
 /// The first line of a map file.
+#[doc(hidden)]
 pub const MAP_HEADER: &str = "index,face,b0,b1,b2,x,y,z,status,confidence";
 
 /// The header of a file of points.

@@ -18,6 +18,7 @@ use super::table_dialect::{self, TableWriter};
 use super::table_number::{self, Shape};
 use crate::{Error, Result};
 
+#[doc(hidden)]
 pub use super::table_dialect::{Dialect, Separator};
 
 /// A row and the line that it begins on.

@@ -18,6 +18,9 @@ mod subdivision;
 mod walk;
 
 pub use character::Character;
-pub use pair::{ModelPair, character_pair, stout, strider};
+#[doc(hidden)]
+pub use pair::ModelPair;
+pub use pair::{character_pair, stout, strider};
+#[doc(hidden)]
 pub use subdivision::Parameter;
 pub use walk::Walker;

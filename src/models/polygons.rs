@@ -9,6 +9,7 @@ use crate::geometry::Polygon;
 
 /// A source and a target with the same loops.
 #[derive(Clone, Debug, PartialEq)]
+#[doc(hidden)]
 pub struct PolygonPair {
     /// Where points come from.
     pub source: Polygon,

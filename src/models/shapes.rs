@@ -95,6 +95,7 @@ pub fn plane_grid(nx: usize, ny: usize, width: f64, height: f64, diagonal: Diago
 /// A [`plane_grid`] whose inner vertices are moved at random by up to `amount` (0 to 0.3 keeps all
 /// triangles upright) of the grid's spacing; the texture coordinates move along, so that the
 /// texture stays affine.
+#[doc(hidden)]
 pub fn irregular_plane(
     nx: usize,
     ny: usize,

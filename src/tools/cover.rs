@@ -9,6 +9,7 @@ use super::vertex_map::vertex_map;
 
 /// How well a set of anchors covers a surface.
 #[derive(Clone, Debug)]
+#[doc(hidden)]
 pub struct Cover {
     /// For each vertex the distance, in mean edges, between it and where inverse and forward
     /// problem lead back to; infinite where nothing was found.

@@ -32,6 +32,7 @@ impl Plane {
 
 /// How a map takes the tangent plane of a target at a point to that of a source at its image.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[doc(hidden)]
 pub struct Differential {
     target: Plane,
     source: Plane,

@@ -100,6 +100,7 @@ fn image_mesh(target: &Mesh, vertices: &VertexMap, place: impl Fn(&SurfacePoint)
 
 /// How far points come back to: A to B by one map and to A again by the other.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[doc(hidden)]
 pub struct Cycle {
     /// Distance in space between the target's vertices and where they come back to, over the square
     /// root of the target's area.

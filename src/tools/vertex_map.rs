@@ -25,6 +25,7 @@ pub struct VertexMap {
 ///
 /// # Errors
 /// Those of the map.
+#[doc(hidden)]
 pub fn vertex_images(target: &Mesh, topology: &Topology, map: &dyn PointMap) -> Result<Vec<PackedImage>> {
     let mut vertices = Vec::new();
     let mut points = Vec::new();

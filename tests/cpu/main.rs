@@ -15,6 +15,7 @@ mod plane;
 #[path = "../common/plane.rs"]
 mod plane_cases;
 mod property_1;
+mod public_face;
 mod render;
 mod shaders;
 #[path = "../common/similar.rs"]

@@ -8,9 +8,13 @@ mod sweep;
 
 use glam::DVec2;
 
-pub use defect::{Defect, EdgeOf, VertexOf};
+pub use defect::Defect;
+#[doc(hidden)]
+pub use defect::{EdgeOf, VertexOf};
 pub use locate::Side;
+#[doc(hidden)]
 pub use measure::{barycentre, signed_area};
+#[doc(hidden)]
 pub use nesting::Nesting;
 
 /// One or several closed loops of vertices; the domain lies to the left of every edge.

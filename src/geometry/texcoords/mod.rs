@@ -2,11 +2,20 @@
 //! surface.
 
 pub mod findings;
+#[doc(hidden)]
 pub mod islands;
+#[doc(hidden)]
 pub mod measure;
+#[doc(hidden)]
 pub mod overlap;
 
 pub use findings::{Findings, findings};
-pub use islands::{Island, Islands};
-pub use measure::{Distortion, distortion, seam_length};
-pub use overlap::{Overlap, OverlapOptions, Overlaps, overlaps};
+#[doc(hidden)]
+pub use islands::Island;
+pub use islands::Islands;
+#[doc(hidden)]
+pub use measure::Distortion;
+pub use measure::{distortion, seam_length};
+pub use overlap::overlaps;
+#[doc(hidden)]
+pub use overlap::{Overlap, OverlapOptions, Overlaps};

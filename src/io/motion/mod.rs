@@ -28,15 +28,22 @@ use glam::DVec3;
 use super::source::{self, Notes};
 use crate::{Error, Result};
 
+#[doc(hidden)]
 pub use acclaim::read_acclaim;
+#[doc(hidden)]
 pub use bvh::read_bvh;
+#[doc(hidden)]
 pub use c3d::read_c3d;
+#[doc(hidden)]
 pub use csv::read_csv;
+#[doc(hidden)]
 pub use skeleton::{Segment, Skeleton};
+#[doc(hidden)]
 pub use trc::read_trc;
 
 /// Largest number of positions (frames times points) of a clip, about 1 GiB of memory: 75 points at
 /// 120 frames a second for an hour.
+#[doc(hidden)]
 pub const MAX_POSITIONS: usize = 1 << 25;
 
 /// Coordinates beyond this are not measurements.

@@ -7,6 +7,7 @@ mod composite;
 #[cfg(test)]
 mod composite_tests;
 mod frame;
+#[doc(hidden)]
 pub mod gpu;
 mod inverse;
 mod inverse_points;
@@ -36,16 +37,32 @@ mod testing;
 mod vertex_limit;
 mod wachspress;
 
-pub use bounds::{LEMMA_2, StepBound, SufficientBound, sufficient_bound};
-pub use cage::{Cage, MAX_VERTICES};
+pub use bounds::sufficient_bound;
+#[doc(hidden)]
+pub use bounds::{LEMMA_2, StepBound, SufficientBound};
+pub use cage::Cage;
+#[doc(hidden)]
+pub use cage::MAX_VERTICES;
 pub use certificate::{CertifyOptions, Verdict, certify};
 pub use composite::{CompositeMap, Mapped};
 pub use frame::Frame;
-pub use jacobian_min::{MOST_RESOLUTION, jacobian_min};
+#[doc(hidden)]
+pub use jacobian_min::MOST_RESOLUTION;
+pub use jacobian_min::jacobian_min;
+#[doc(hidden)]
 pub use lattice::{Lattice, LatticeOptions};
-pub use map_points::{map_points, map_points_on_cpu, map_points_with_derivatives};
+#[doc(hidden)]
+pub use map_points::map_points_on_cpu;
+pub use map_points::{map_points, map_points_with_derivatives};
 pub use minimum::{Minimum, MinimumKind, SampleOptions};
-pub use partition::{Partition, PartitionKind, PartitionOptions, StepReport, partition, partition_with};
-pub use path::{PathKind, VertexPath, vertex_path};
+#[doc(hidden)]
+pub use partition::partition_with;
+pub use partition::{Partition, PartitionKind, PartitionOptions, StepReport, partition};
+#[doc(hidden)]
+pub use path::vertex_path;
+pub use path::{PathKind, VertexPath};
+#[doc(hidden)]
 pub use preimage::Preimages;
-pub use step::{Branch, Coordinates, Evaluation, Step, coordinates};
+#[doc(hidden)]
+pub use step::Branch;
+pub use step::{Coordinates, Evaluation, Step, coordinates};

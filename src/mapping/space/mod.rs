@@ -7,6 +7,7 @@ mod composite;
 mod composite_tests;
 mod face;
 mod frame;
+#[doc(hidden)]
 pub mod gpu;
 mod intersect;
 mod inverse;
@@ -21,15 +22,18 @@ mod step_tests;
 #[cfg(test)]
 mod testing;
 
-pub use cage::{Cage, MAX_FACES, volume};
+#[doc(hidden)]
+pub use cage::MAX_FACES;
+pub use cage::{Cage, volume};
 pub use composite::{CompositeMap, Mapped};
 pub use frame::Frame;
 pub use intersect::self_intersections;
-pub use jacobian_min::{
-    MOST_RESOLUTION, Minimum, MinimumKind, PIECE, PieceMinimum3d, RESOLUTION, Samples, jacobian_min_3d, piece_minima,
-    piece_minima_on_cpu,
-};
+#[doc(hidden)]
+pub use jacobian_min::{MOST_RESOLUTION, PIECE, PieceMinimum3d, piece_minima, piece_minima_on_cpu};
+pub use jacobian_min::{Minimum, MinimumKind, RESOLUTION, Samples, jacobian_min_3d};
 pub use map_points::map_points_3d;
-pub use partition::{Intersection, Partition, PartitionKind, PartitionOptions, StepReport, partition};
+#[doc(hidden)]
+pub use partition::Intersection;
+pub use partition::{Partition, PartitionKind, PartitionOptions, StepReport, partition};
 pub use path::{Linear, VertexPath};
 pub use step::{Evaluation, Step, coordinates};

@@ -65,6 +65,7 @@ pub struct StepReport {
 
 /// A polyhedron that intersects itself.
 #[derive(Clone, Debug, PartialEq)]
+#[doc(hidden)]
 pub struct Intersection {
     /// Its knot.
     pub knot: f64,

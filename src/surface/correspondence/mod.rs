@@ -9,10 +9,13 @@ mod parts;
 pub(crate) mod procrustes;
 mod weighted;
 
+#[doc(hidden)]
 pub use baseline::Baseline;
 pub(crate) use baseline::Warp;
+#[doc(hidden)]
 pub use confidence::{Evidence, Trust};
 pub(crate) use weighted::AVERAGE_SCALE;
+#[doc(hidden)]
 pub use weighted::{Scratch, WeightedAverages};
 
 use crate::engine::LaneScalar;

@@ -20,10 +20,15 @@ mod project_phong;
 mod tables;
 mod tile;
 
+#[doc(hidden)]
 pub use average_anchors::{AverageParams, BLOCK_ANCHORS};
+#[doc(hidden)]
 pub use average_stencils::{DeviceStencils, MOST_ROWS, StencilParams};
+#[doc(hidden)]
 pub use map::{DeviceMap, HostMap};
+#[doc(hidden)]
 pub use project_phong::{ProjectParams, Projected};
+#[doc(hidden)]
 pub use tables::SurfaceTables;
 
 use crate::engine::{Backend, Engine, Kernel};
@@ -37,6 +42,7 @@ use crate::surface::field::Field;
 use crate::surface::packed::PointMap;
 
 /// The kernels of this folder.
+#[doc(hidden)]
 pub const KERNELS: &[&Kernel] = &[
     &average_anchors::AVERAGE_ANCHORS,
     &average_stencils::AVERAGE_STENCILS,

@@ -34,6 +34,7 @@ pub const MOST: usize = 1000;
 
 /// Where a pair comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[doc(hidden)]
 pub enum Origin {
     /// Given by the user.
     Given,
@@ -59,6 +60,7 @@ impl Origin {
 
 /// A pair of a proposal.
 #[derive(Clone, Debug, PartialEq)]
+#[doc(hidden)]
 pub struct Proposed {
     /// On the source.
     pub source: SurfacePoint,

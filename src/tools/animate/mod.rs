@@ -3,10 +3,12 @@
 //! Clip → [`Binding`] (which point moves which vertex) → [`close_gaps`] → [`Binding::trajectories`]
 //! → [`crate::tools::deform::Deformer::play`].
 
+#[doc(hidden)]
 pub mod binding;
 mod bones;
 mod facing;
 pub mod frames;
+#[doc(hidden)]
 pub mod gaps;
 pub mod guess;
 mod settle;
@@ -21,8 +23,12 @@ use crate::io::motion::Motion;
 use crate::progress::Progress;
 use crate::tools::deform::{Deformer, Handles};
 
-pub use binding::{Binding, Bond, Reference, fullest_frame};
-pub use gaps::{GapOptions, GapReport, Interpolation, close_gaps};
+#[doc(hidden)]
+pub use binding::Bond;
+pub use binding::{Binding, Reference, fullest_frame};
+pub use gaps::{GapOptions, Interpolation};
+#[doc(hidden)]
+pub use gaps::{GapReport, close_gaps};
 pub use guess::guess;
 
 /// How far the frames are minimised.

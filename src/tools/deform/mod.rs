@@ -36,6 +36,7 @@ pub struct Deformation {
 
 /// A frame of [`Deformer::play`].
 #[derive(Clone, Debug)]
+#[doc(hidden)]
 pub struct PlayedFrame {
     /// A position for every vertex of the mesh.
     pub positions: Vec<DVec3>,

@@ -19,7 +19,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use glam::DVec3;
 
 pub use base::automatic_base;
-pub use measure::{Angles, Distances, EdgeLengths, Turned};
+#[doc(hidden)]
+pub use measure::{Angles, EdgeLengths};
+pub use measure::{Distances, Turned};
 
 use crate::engine::Engine;
 use crate::error::{Error, Result};

@@ -20,6 +20,7 @@ use camera::Camera;
 use shade::Shader;
 
 /// Largest width and height of a picture.
+#[doc(hidden)]
 pub const MAX_SIZE: u32 = 16384;
 
 /// How a mesh gets its colours.

@@ -22,9 +22,13 @@ mod trace;
 
 use glam::DVec3;
 
-pub use compare::{Disagreement, DisagreementInterval};
+pub use compare::Disagreement;
+#[doc(hidden)]
+pub use compare::DisagreementInterval;
 pub use drawing::{DrawingOptions, drawing};
-pub use layout::{MOST_DEGREE, SplineKind};
+#[doc(hidden)]
+pub use layout::MOST_DEGREE;
+pub use layout::SplineKind;
 
 use crate::error::{Error, Result};
 use crate::forward_in_dimension as in_dimension;

@@ -8,17 +8,29 @@
 //! Section 4.3 of Panozzo et al. 2013, with filtering (named there as future work), padding,
 //! coverage, depths and layers added.
 
+#[doc(hidden)]
 pub mod atlas;
+#[doc(hidden)]
 pub mod bins;
+#[doc(hidden)]
 pub mod charts;
+#[doc(hidden)]
 pub mod color;
+#[doc(hidden)]
 pub mod footprint;
+#[doc(hidden)]
 pub mod gpu;
+#[doc(hidden)]
 pub mod mip;
+#[doc(hidden)]
 pub mod pad;
+#[doc(hidden)]
 pub mod sample;
+#[doc(hidden)]
 pub mod seams;
+#[doc(hidden)]
 pub mod tables;
+#[doc(hidden)]
 pub mod tiles;
 
 mod band;
@@ -48,12 +60,17 @@ pub use kind::{LayerKind, NormalY, Relief};
 pub use layer::Layer;
 pub use live::{Followed, LiveTransfer};
 pub use mip::{Alpha, Encoding};
+#[doc(hidden)]
 pub use plan::memory_needed;
 pub use pyramids::Pyramids;
+#[doc(hidden)]
 pub use recognise::holds_normals;
 pub use sample::Filter;
+#[doc(hidden)]
 pub use seams::{SeamSteps, seam_steps};
-pub use tiles::{TilesUsed, UvTile};
+#[doc(hidden)]
+pub use tiles::TilesUsed;
+pub use tiles::UvTile;
 
 use crate::raster::Image;
 

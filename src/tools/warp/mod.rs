@@ -8,20 +8,30 @@
 //! Schneider, Hormann, Floater 2013, section 1 and equation (4), with filtering, pictures larger
 //! than memory for their pre-images, and what lies outside the cage.
 
+#[doc(hidden)]
 pub mod band;
+#[doc(hidden)]
 pub mod cover;
+#[doc(hidden)]
 pub mod draw;
+#[doc(hidden)]
 pub mod ewa;
+#[doc(hidden)]
 pub mod filter;
+#[doc(hidden)]
 pub mod footprint;
 pub mod frames;
+#[doc(hidden)]
 pub mod gather;
+#[doc(hidden)]
 pub mod gpu;
 pub mod outline;
 pub mod pictures;
 pub mod placement;
 pub mod preview;
+#[doc(hidden)]
 pub mod pyramid;
+#[doc(hidden)]
 pub mod store;
 
 mod direct;

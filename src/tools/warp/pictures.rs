@@ -22,8 +22,10 @@ const LINE: [u8; 3] = [60, 60, 60];
 /// Where there is no Jacobian.
 const NOTHING: [u8; 3] = [205, 205, 205];
 /// The source polygon of an overlay.
+#[doc(hidden)]
 pub const SOURCE_COLOR: [u8; 3] = [30, 110, 230];
 /// The target polygon.
+#[doc(hidden)]
 pub const TARGET_COLOR: [u8; 3] = [225, 40, 40];
 
 /// A picture of Jacobians, `width` to a row: logarithmic, from blue (shrunk) through white (1) to

@@ -23,6 +23,7 @@ use crate::mapping::plane::Cage;
 pub use compatible::Compatible;
 pub use intrinsic::Intrinsic;
 pub use linear::Linear;
+#[doc(hidden)]
 pub use relaxed::{Base, Relaxed};
 
 /// Which path the vertices take.
@@ -68,6 +69,7 @@ pub trait VertexPath: std::fmt::Debug + Send + Sync {
 ///
 /// # Errors
 /// As [`Compatible::new`] and [`Relaxed::new`]; the others always are.
+#[doc(hidden)]
 pub fn vertex_path(cage: &Cage, kind: PathKind) -> Result<Arc<dyn VertexPath>> {
     Ok(match kind {
         PathKind::Intrinsic => Arc::new(Intrinsic::new(cage)),
@@ -81,6 +83,7 @@ pub fn vertex_path(cage: &Cage, kind: PathKind) -> Result<Arc<dyn VertexPath>> {
 ///
 /// # Errors
 /// [`Error::Numeric`] that names `t` and the defect.
+#[doc(hidden)]
 pub fn polygon_at(path: &dyn VertexPath, t: f64, nesting: &Nesting) -> Result<Polygon> {
     let polygon = path.polygon(t)?;
     let at = |what: String| {
