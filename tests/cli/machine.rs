@@ -28,6 +28,33 @@ fn without_a_driver_the_cpu_does_the_work_and_says_so() {
 }
 
 #[test]
+fn completions_and_manual_pages_name_every_command() {
+    let f = Folder::empty();
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
+        let ran = f.run(&format!("completions {shell}")).succeeds();
+        assert!(["transfer", "warp", "deform", "--anchors"].iter().all(|w| ran.stdout.contains(w)), "{shell}");
+    }
+    f.run("completions cmd.exe").fails(2, &["bash"]);
+    f.run("man --out pages").succeeds();
+    let help = f.run("--help").succeeds().stdout;
+    let commands: Vec<&str> = help
+        .lines()
+        .skip_while(|l| !l.starts_with("Commands:"))
+        .skip(1)
+        .take_while(|l| !l.is_empty())
+        .filter(|l| l.starts_with("  ") && !l.starts_with("   "))
+        .filter_map(|l| l.split_whitespace().next())
+        .filter(|c| *c != "help")
+        .collect();
+    assert!(commands.len() > 20, "{help}");
+    for command in commands {
+        let page = f.read(&format!("pages/barymap-{command}.1"));
+        assert!(page.contains("SYNOPSIS"), "{command}");
+    }
+    assert!(f.read("pages/barymap.1").contains("transfer"));
+}
+
+#[test]
 fn the_same_input_gives_the_same_bytes_for_any_number_of_threads() {
     let f = Folder::spheres();
     let outputs = |run: &str, threads: &str| {

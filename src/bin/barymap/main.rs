@@ -26,6 +26,7 @@ mod progress_bar;
 mod remesh;
 mod render;
 mod rig;
+mod shell;
 mod spline;
 mod transfer;
 mod unwrap;
@@ -98,6 +99,10 @@ enum Command {
     Spline(spline::Arguments),
     /// A shaded picture of a mesh, to look at results
     Render(render::Arguments),
+    /// Completions of options for a shell, on stdout
+    Completions(shell::CompletionArguments),
+    /// Manual pages of all commands
+    Man(shell::ManualArguments),
 }
 
 fn run(cli: &Cli) -> Result<()> {
@@ -125,6 +130,8 @@ fn run(cli: &Cli) -> Result<()> {
         Command::Remesh(a) => remesh::run(common, a),
         Command::Spline(a) => spline::run(common, a),
         Command::Render(a) => render::run(common, a),
+        Command::Completions(a) => shell::completions(a),
+        Command::Man(a) => shell::manual(a),
     }
 }
 
