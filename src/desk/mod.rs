@@ -44,11 +44,13 @@ mod layer_reader;
 mod method;
 mod outputs;
 mod pairs;
+mod requests;
 mod subject;
 mod textures;
 
 pub use method::{Choice, Made, correspond};
 pub use outputs::{Names, Part, Writer, part_of};
 pub use pairs::{Found, FoundPairs, find_pairs};
+pub use requests::{own_textures, textures};
 pub use subject::Subject;
-pub use textures::{Textures, own_textures, textures};
+pub use textures::Textures;
