@@ -6,6 +6,7 @@
 // between which the sums and then the averages of each point wait where its results will be.
 
 //#import lib/span
+//#import lib/points
 //#import lib/frame
 
 struct AverageParams {
@@ -199,7 +200,7 @@ fn correction(x: vec3f, face: u32) -> Correction {
 
 fn finish(i: u32, f: Frame, r: Means) {
     let q = transported(f.y);
-    let o = i * OUT;
+    let o = place(i);
     var mean = Vector(q.lo + r.image.lo, q.hi + r.image.hi);
     if OWN {
         let average = r.own;
@@ -209,7 +210,7 @@ fn finish(i: u32, f: Frame, r: Means) {
         averages[o + 5u] = f.y.hi;
         if params.corrected != 0u {
             let left = sub_vector(f.y, average);
-            let c = correction(coordinates(i), points[3u * i]);
+            let c = correction(coordinates(i), points[point_word(i)]);
             if c.residual > 0.0 {
                 mean = add_vector(mean, min(sqrt(dot_vector(left, left)) / c.residual, 1.0), c.d);
             }
@@ -219,22 +220,27 @@ fn finish(i: u32, f: Frame, r: Means) {
     averages[o + 1u] = mean.hi;
 }
 
+// The first vector of point `i`.
+fn place(i: u32) -> u32 {
+    return own_place(i, span.first) * OUT;
+}
+
 fn coordinates(i: u32) -> vec3f {
-    let x = bitcast<f32>(points[3u * i + 1u]);
-    let y = bitcast<f32>(points[3u * i + 2u]);
+    let x = bitcast<f32>(points[point_word(i) + 1u]);
+    let y = bitcast<f32>(points[point_word(i) + 2u]);
     return vec3f(x, y, 1.0 - x - y);
 }
 
 fn point_frame(i: u32) -> Frame {
-    return frame(vertices, triangles, points[3u * i], coordinates(i));
+    return frame(vertices, triangles, points[point_word(i)], coordinates(i));
 }
 
 // Nothing but finite numbers is kept between dispatches: bit patterns of others may change on the
 // way.
 fn keep_sums(i: u32, s: Sums) {
-    averages[i * OUT] = vec4f(s.dk, s.pk, f32(s.k));
-    averages[i * OUT + 1u] = vec4f(s.s0, s.s1, s.s2.x);
-    averages[i * OUT + 2u] = vec4f(s.s2.yz, s.shifted, 0.0);
+    averages[place(i)] = vec4f(s.dk, s.pk, f32(s.k));
+    averages[place(i) + 1u] = vec4f(s.s0, s.s1, s.s2.x);
+    averages[place(i) + 2u] = vec4f(s.s2.yz, s.shifted, 0.0);
 }
 
 fn sums(i: u32) -> Sums {
@@ -242,26 +248,26 @@ fn sums(i: u32) -> Sums {
     var s = Sums();
     s.dk = 3e38;
     if PART == AVERAGES || (PART == SUMS && params.first != 0u) {
-        let a = averages[i * OUT];
-        let b = averages[i * OUT + 1u];
-        let c = averages[i * OUT + 2u];
+        let a = averages[place(i)];
+        let b = averages[place(i) + 1u];
+        let c = averages[place(i) + 2u];
         s = Sums(u32(a.w), a.x, a.yz, b.x, b.yz, vec3f(b.w, c.xy), c.z);
     }
     return s;
 }
 
 fn keep_means(i: u32, r: Means) {
-    averages[i * OUT] = r.image.lo;
-    averages[i * OUT + 1u] = r.image.hi;
-    averages[i * OUT + 2u] = r.own.lo;
-    averages[i * OUT + 3u] = r.own.hi;
-    averages[i * OUT + 4u] = vec4f(f32(r.k), r.rest, r.t, 0.0);
-    averages[i * OUT + 5u] = vec4f(r.pk, r.mu);
+    averages[place(i)] = r.image.lo;
+    averages[place(i) + 1u] = r.image.hi;
+    averages[place(i) + 2u] = r.own.lo;
+    averages[place(i) + 3u] = r.own.hi;
+    averages[place(i) + 4u] = vec4f(f32(r.k), r.rest, r.t, 0.0);
+    averages[place(i) + 5u] = vec4f(r.pk, r.mu);
 }
 
 fn means(i: u32, s: Sums) -> Means {
     if PART == AVERAGES && params.first != 0u {
-        let at = i * OUT;
+        let at = place(i);
         let m = averages[at + 4u];
         let n = averages[at + 5u];
         return Means(
@@ -285,12 +291,15 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     // The last invocation of an odd count works on its one point twice.
     let second = min(first + 1u, span.end - 1u);
+    // A texel that shows nothing takes part in no pass.
+    let shown = points[point_word(first)] != NONE || points[point_word(second)] != NONE;
+    let anchor_count = select(0u, params.anchors, shown);
     let f = point_frame(first);
     let g = point_frame(second);
     var s = sums(first);
     var t = sums(second);
     if PART != AVERAGES {
-        for (var j = 0u; j < params.anchors; j++) {
+        for (var j = 0u; j < anchor_count; j++) {
             let a = own(j);
             push(&s, f, params.first + j, a);
             push(&t, g, params.first + j, a);
@@ -303,7 +312,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     var m = means(first, s);
     var n = means(second, t);
-    for (var j = 0u; j < params.anchors; j++) {
+    for (var j = 0u; j < anchor_count; j++) {
         let a = own(j);
         let b = image(j);
         gather(&m, f, params.first + j, a, b);

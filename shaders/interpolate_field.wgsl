@@ -1,7 +1,9 @@
 // The image in R^12 of a point of the target: what its triangle's vertices have, interpolated.
 // Reference and explanation: surface::field.
 
+//#import lib/none
 //#import lib/span
+//#import lib/points
 //#import lib/vector12
 
 @group(0) @binding(0) var<uniform> span: Span;
@@ -14,16 +16,21 @@
 
 @compute @workgroup_size(GROUP)
 fn main(@builtin(global_invocation_id) id: vec3u) {
-    let i = span.first + invocation(span, id);
-    if i >= span.end {
+    let index = span.first + invocation(span, id);
+    if index >= span.end {
         return;
     }
-    let v = texel(triangles, points[3u * i]) * VECTOR_TEXELS;
-    let a = bitcast<f32>(points[3u * i + 1u]);
-    let b = bitcast<f32>(points[3u * i + 2u]);
-    let x = vec3f(a, b, 1.0 - a - b);
-    let z = combine_vectors(x, texel_vector(field, v.x), texel_vector(field, v.y), texel_vector(field, v.z));
-    images[3u * i] = z.a;
-    images[3u * i + 1u] = z.b;
-    images[3u * i + 2u] = z.c;
+    let at = point_word(index);
+    let face = points[at];
+    let i = own_place(index, span.first);
+    if face != NONE {
+        let v = texel(triangles, face) * VECTOR_TEXELS;
+        let a = bitcast<f32>(points[at + 1u]);
+        let b = bitcast<f32>(points[at + 2u]);
+        let x = vec3f(a, b, 1.0 - a - b);
+        let z = combine_vectors(x, texel_vector(field, v.x), texel_vector(field, v.y), texel_vector(field, v.z));
+        images[3u * i] = z.a;
+        images[3u * i + 1u] = z.b;
+        images[3u * i + 2u] = z.c;
+    }
 }

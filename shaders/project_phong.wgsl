@@ -5,6 +5,7 @@
 // kernel search_phong.
 
 //#import lib/span
+//#import lib/points
 //#import lib/projection
 
 @group(0) @binding(0) var<uniform> span: Span;
@@ -71,19 +72,23 @@ fn walk_vertices(y: Vector, start: u32, distance: f32) -> Walked {
 
 @compute @workgroup_size(GROUP)
 fn main(@builtin(global_invocation_id) id: vec3u) {
-    let i = span.first + invocation(span, id);
-    if i >= span.end {
+    let index = span.first + invocation(span, id);
+    if index >= span.end {
         return;
     }
+    let point = points[point_word(index)];
+    let i = own_place(index, span.first);
+    // A texel that shows nothing takes part in no loop.
+    let shown = point != NONE;
     let at = i * params.stride + params.point;
     let y = vector_of(averages[at], averages[at + 1u], averages[at + VECTOR_TEXELS - 1u]);
     let begin = i * params.stride + params.reference;
     let reference = vector_of(averages[begin], averages[begin + 1u], averages[begin + VECTOR_TEXELS - 1u]);
 
-    let start = texel(starts, points[3u * i]);
+    let start = texel(starts, select(0u, point, shown));
     var v = NONE;
     var least = 1e30;
-    for (var k = 0u; k < 3u; k++) {
+    for (var k = select(3u, 0u, shown); k < 3u; k++) {
         if start[k] != NONE {
             let e = distance_squared(start[k], y);
             if e < least {
@@ -95,7 +100,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
 
     var result = unprojected(NOTHING);
     var face = start.w;
-    for (var attempt = 0u; attempt < 2u; attempt++) {
+    for (var attempt = select(2u, 0u, shown); attempt < 2u; attempt++) {
         if attempt == 1u {
             if v == NONE {
                 break;

@@ -16,14 +16,15 @@ struct RasterizeParams {
     columns: u32,
     // Entries of a bin beyond which it is left to the reference.
     most: u32,
-    unused: u32,
+    // Where the tile's first texel goes among `texels`; NONE where a dispatch begins at the first.
+    place: u32,
 }
 
 @group(0) @binding(0) var<uniform> span: Span;
 @group(0) @binding(1) var<uniform> params: RasterizeParams;
 // First entry of each bin.
 @group(0) @binding(2) var<storage, read> starts: array<u32>;
-// atlas::AtlasTexel, from the first item of the dispatch on.
+// atlas::AtlasTexel.
 @group(0) @binding(3) var<storage, read_write> texels: array<vec4u>;
 @group(0) @binding(4) var entries: texture_2d<u32>;
 @group(0) @binding(5) var triangles: texture_2d<u32>;
@@ -93,5 +94,5 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             }
         }
     }
-    texels[number] = texel_found;
+    texels[select(params.place + index, number, params.place == NONE)] = texel_found;
 }

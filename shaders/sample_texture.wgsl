@@ -3,6 +3,7 @@
 // hardware filters have eight bits of fraction.
 
 //#import lib/span
+//#import lib/shown
 //#import lib/table
 //#import lib/footprint
 
@@ -22,17 +23,22 @@ struct TextureParams {
     // What the picture shows beyond its borders.
     wrap_u: u32,
     wrap_v: u32,
+    // The number of the picture among those of its layer.
+    texture: u32,
+    unused: u32,
 }
 
 @group(0) @binding(0) var<uniform> span: Span;
 @group(0) @binding(1) var<uniform> params: TextureParams;
-// Centre and dx; dy and nothing.
-@group(0) @binding(2) var<storage, read> footprints: array<vec4f>;
+// Centre and dx; dy, the triangle of the source, nothing.
+@group(0) @binding(2) var<storage, read> footprints: array<vec4u>;
 @group(0) @binding(3) var<storage, read_write> colors: array<vec4f>;
 // The picture as stored, its levels as decoded floats, the light of samples.
 @group(0) @binding(4) var base: texture_2d<u32>;
 @group(0) @binding(5) var levels: texture_2d<u32>;
 @group(0) @binding(6) var light: texture_2d<u32>;
+// The picture of each triangle of the source, four to a texel.
+@group(0) @binding(7) var textures: texture_2d<u32>;
 
 // What the words of the picture are: 0 numbers, 1 sRGB numbers that are read as light, 2 bits of
 // floats.
@@ -85,10 +91,18 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     let head = footprints[2u * index];
     let rest = footprints[2u * index + 1u];
+    let shown = shows_picture(textures, rest.z, params.texture);
+    if shown {
+        colors[index] = sampled(bitcast<vec4f>(head), bitcast<vec2f>(rest.xy));
+    }
+}
+
+// The colour of the footprint with this centre and dx, and this dy.
+fn sampled(head: vec4f, dy: vec2f) -> vec4f {
     let size = vec2i(i32(params.width), i32(params.height));
     let mode = vec2u(params.wrap_u, params.wrap_v);
     let centre = near_picture(head.xy, mode);
-    let taps = footprint_taps(centre, head.zw, rest.xy, vec2f(size), params.filtering, f32(params.taps));
+    let taps = footprint_taps(centre, head.zw, dy, vec2f(size), params.filtering, f32(params.taps));
     let level = min(taps.level, f32(params.levels));
     let lower = u32(level);
     var fraction = level - f32(lower);
@@ -96,7 +110,6 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     fraction = select(0.0, fraction, fraction > SLACK);
     let count = taps.along * taps.across;
     var sum = vec4f();
-    // Software devices run both sides of a branch, loops only as long as some lane is in them.
     let passes = select(1u, 2u, fraction > 0.0);
     for (var pass_ = 0u; pass_ < passes; pass_++) {
         let l = lower + pass_;
@@ -132,5 +145,5 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         }
         sum += select(1.0 - fraction, fraction, pass_ == 1u) * part;
     }
-    colors[index] = sum / f32(count);
+    return sum / f32(count);
 }

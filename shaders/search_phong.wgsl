@@ -39,12 +39,15 @@ fn admits(face: u32, y: Vector) -> bool {
 }
 
 @compute @workgroup_size(GROUP)
-fn main(@builtin(global_invocation_id) id: vec3u) {
-    let item = span.first + invocation(span, id);
-    if item >= min(span.end, list[0]) {
-        return;
+fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    // Few points are left: an invocation for each would mostly find none, and a software device does
+    // the work of a masked lane all the same.
+    for (var item = invocation(span, id); item < list[0]; item += groups.x * groups.y * GROUP) {
+        search(list[item + 1u]);
     }
-    let i = list[item + 1u];
+}
+
+fn search(i: u32) {
     let at = i * params.stride + params.point;
     let y = vector_of(averages[at], averages[at + 1u], averages[at + VECTOR_TEXELS - 1u]);
     let begin = i * params.stride + params.reference;

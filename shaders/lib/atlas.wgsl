@@ -1,12 +1,12 @@
 // Triangles of an atlas and their entries in bins. Reference: tools::transfer::atlas.
 
+//#import lib/none
 //#import lib/table
 
 // Texels along a side of a bin; atlas::BIN.
 const BIN: u32 = 8u;
 // atlas::SUBTEXEL.
 const SUBTEXEL: i32 = 256;
-const NONE: u32 = 0xffffffffu;
 
 // atlas::BinEntry, two texels.
 struct Entry {

@@ -1,5 +1,7 @@
 // Level and taps of a footprint. Reference: tools::transfer::sample::Taps.
 
+//#import lib/wrap
+
 // Footprints up to this much wider than a texel, or than a whole number of narrow sides, count as
 // no wider; sample::SLACK.
 const SLACK: f32 = 0.015625;
@@ -7,6 +9,9 @@ const SLACK: f32 = 0.015625;
 // sample::Filter.
 const TRILINEAR: u32 = 1u;
 const BILINEAR: u32 = 2u;
+
+// Footprints wider than this see the mean of the whole picture; sample::LARGEST_FOOTPRINT.
+const LARGEST_FOOTPRINT: f32 = 1e6;
 
 // All in texels of level 0.
 struct Taps {
@@ -23,6 +28,12 @@ fn footprint_taps(centre: vec2f, dx_uv: vec2f, dy_uv: vec2f, size: vec2f, filter
     var taps = Taps(centre * size, 0.0, 1u, 1u, vec2f(), vec2f());
     let dx = dx_uv * size;
     let dy = dy_uv * size;
+    // Beyond this squares grow out of range; what is no number is not below it either.
+    let far = vec2f(10.0 * LARGEST_FOOTPRINT);
+    if !all((abs(dx) < far) & (abs(dy) < far)) {
+        taps.level = select(LARGEST_FOOTPRINT, 0.0, filtering == BILINEAR);
+        return taps;
+    }
     // Eigenvalues of M M^T are the squares of the widths.
     let a = dx.x * dx.x + dy.x * dy.x;
     let b = dx.x * dx.y + dy.x * dy.y;
@@ -31,6 +42,10 @@ fn footprint_taps(centre: vec2f, dx_uv: vec2f, dy_uv: vec2f, size: vec2f, filter
     let root = sqrt(half * half + b * b);
     let wide = sqrt(0.5 * (a + c) + root);
     if filtering == BILINEAR || wide <= 1.0 + SLACK {
+        return taps;
+    }
+    if wide > LARGEST_FOOTPRINT {
+        taps.level = LARGEST_FOOTPRINT;
         return taps;
     }
     if filtering == TRILINEAR {
@@ -62,38 +77,4 @@ fn tap_place(taps: Taps, i: u32, j: u32) -> vec2f {
     let s = (f32(i) + 0.5) / f32(taps.along) - 0.5;
     let t = (f32(j) + 0.5) / f32(taps.across) - 0.5;
     return taps.centre + s * taps.wide + t * taps.narrow;
-}
-
-// What a picture shows beyond its borders, by axis; geometry::Wrap.
-const CLAMP: u32 = 1u;
-const MIRROR: u32 = 2u;
-
-// 0 where every picture repeats along both axes, which is what most do.
-override MODES: u32 = 1u;
-
-// Farther from a picture than this, in its sides, its border is all that a footprint sees;
-// sample::FAR.
-const FAR: f32 = 1000.0;
-
-// Coordinates that show the same texels, brought near the picture. Reference:
-// tools::transfer::sample::near_picture.
-fn near_picture(x: vec2f, mode: vec2u) -> vec2f {
-    if MODES == 0u {
-        return x - floor(x);
-    }
-    let period = select(vec2f(1.0), vec2f(2.0), mode == vec2u(MIRROR));
-    return select(x - period * floor(x / period), clamp(x, vec2f(-FAR), vec2f(FAR)), mode == vec2u(CLAMP));
-}
-
-// The texel of `n` a side that stands for one beyond the picture. Reference: geometry::Wrap::texel.
-fn wrap(index: vec2i, n: vec2i, mode: vec2u) -> vec2i {
-    if MODES == 0u {
-        let rest = index % n;
-        return select(rest, rest + n, rest < vec2i(0));
-    }
-    let period = select(n, 2 * n, mode == vec2u(MIRROR));
-    let r = index % period;
-    let inside = select(r, r + period, r < vec2i(0));
-    let folded = select(inside, period - 1 - inside, inside >= n);
-    return select(folded, clamp(index, vec2i(0), n - 1), mode == vec2u(CLAMP));
 }

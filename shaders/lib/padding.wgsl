@@ -1,6 +1,8 @@
 // What both kernels of padding share. Twin of the struct:
 // tools::transfer::gpu::pad_seams::PadParams.
 
+//#import lib/none
+
 struct PadParams {
     width: u32,
     height: u32,
@@ -19,7 +21,6 @@ struct PadParams {
 
 // No covered texel near: more than any distance in a picture.
 const FAR: i32 = 32767;
-const NONE: u32 = 0xffffffffu;
 
 fn packed(left: i32, right: i32) -> u32 {
     return (bitcast<u32>(left) & 0xffffu) | (bitcast<u32>(right) << 16u);

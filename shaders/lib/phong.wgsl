@@ -1,10 +1,8 @@
 // Surfaces with interpolated tangent planes: tables, Psi. Reference and explanation: surface::psi.
 // The dimension is that of the Vector which the kernel imports (lib/vector8 or lib/vector12).
 
+//#import lib/none
 //#import lib/table
-
-// No vertex, no triangle; geometry::NONE.
-const NONE: u32 = 0xffffffffu;
 
 // Texels of a vertex (point, two rows of the tangent basis, stops) and of a triangle, as the host
 // writes them into its tables.

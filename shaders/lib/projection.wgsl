@@ -1,6 +1,7 @@
 // What the kernels of the forward problem share. Reference: surface::project.
 
 //#import lib/newton
+//#import lib/projected
 
 // Twin: surface::gpu::project_phong::ProjectParams.
 struct ProjectParams {
@@ -17,25 +18,6 @@ struct ProjectParams {
     unused1: u32,
     unused2: u32,
 }
-
-// Twin: surface::gpu::project_phong::Projected.
-struct Projected {
-    // The triangle, or NONE.
-    face: u32,
-    b0: f32,
-    b1: f32,
-    // From the reference to the projection.
-    distance_squared: f32,
-    // How it was found; where it is LEFT, also whether the walk found a root all the same (ASTRAY),
-    // and the vertex that the walk over vertices ended at, times VERTEX.
-    found: u32,
-}
-
-// project::Found, and what is left to the next pass; project_phong::Projected.
-const NOTHING: u32 = 0u;
-const BY_WALK: u32 = 1u;
-const BY_SEARCH: u32 = 2u;
-const LEFT: u32 = 3u;
 
 // What the next pass reads of a point that is LEFT; no host code does.
 const ASTRAY: u32 = 4u;

@@ -9,7 +9,8 @@ struct Span {
     first: u32,
     end: u32,
     row: u32,
-    unused: u32,
+    // In dispatches over rows: where the first row is kept.
+    place: u32,
 }
 
 // The number of this invocation within the dispatch, from 0.

@@ -11,7 +11,21 @@ use crate::tools::transfer::{Layer, TransferOptions, transfer_on};
 
 pub(super) const CHECKS: &[Check] = &[Check {
     name: "transfer of a texture",
-    kernels: &["rasterize_atlas", "sample_texture", "pad_seams", "pad_columns"],
+    kernels: &[
+        "rasterize_atlas",
+        "judge_image",
+        "gather_left",
+        "place_images",
+        "locate",
+        "footprint",
+        "sample_texture",
+        "store_texel",
+        "tally",
+        "coverage_bits",
+        "pad_columns",
+        "pad_seams",
+        "copy_padding",
+    ],
     unit: "levels of 255, 999 of 1000 texels",
     // A colour between two levels rounds either way.
     tolerance: 1.0,

@@ -16,14 +16,23 @@ const SLICE: Duration = Duration::from_millis(150);
 /// Items of the first slice of a kernel whose pace is not known.
 const PROBE: u32 = 4096;
 
-/// Dispatches and copies that are submitted together, in order; each sees what those before it
-/// wrote.
+/// Dispatches and copies that the device works on in order; each sees what those before it wrote.
+///
+/// A batch is submitted by itself ([`Gpu::batch`], [`Batch::submit`]), or written into an encoder
+/// that its owner submits ([`Gpu::batch_into`], [`Batch::encode`]).
 #[derive(Debug)]
 pub struct Batch<'a> {
     gpu: &'a Gpu,
-    pub(super) encoder: wgpu::CommandEncoder,
+    encoder: Encoder<'a>,
     /// The spans of each bind group used, written when the batch is submitted.
     spans: Vec<(wgpu::Buffer, Vec<Span>)>,
+}
+
+/// Where commands are written.
+#[derive(Debug)]
+enum Encoder<'a> {
+    Own(Box<wgpu::CommandEncoder>),
+    Lent(&'a mut wgpu::CommandEncoder),
 }
 
 /// Tells one submission from others.
@@ -37,7 +46,17 @@ impl Gpu {
     /// [`Error::Device`] if the device is lost.
     pub fn batch(&self) -> Result<Batch<'_>> {
         let encoder = self.scoped("batch", || self.device.create_command_encoder(&Default::default()))?;
-        Ok(Batch { gpu: self, encoder, spans: Vec::new() })
+        Ok(Batch { gpu: self, encoder: Encoder::Own(Box::new(encoder)), spans: Vec::new() })
+    }
+
+    /// An empty batch in an encoder of this device. [`Batch::encode`] ends it; the owner of the
+    /// encoder submits it.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the device is lost.
+    pub fn batch_into<'a>(&'a self, encoder: &'a mut wgpu::CommandEncoder) -> Result<Batch<'a>> {
+        self.check()?;
+        Ok(Batch { gpu: self, encoder: Encoder::Lent(encoder), spans: Vec::new() })
     }
 
     /// Waits for a submission.
@@ -58,6 +77,17 @@ impl Gpu {
                 })
             }
         }
+    }
+
+    /// Whether a submission has ended; returns at once.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the device is lost.
+    pub fn is_done(&self, submission: &Submission) -> Result<bool> {
+        let now = wgpu::PollType::Wait { submission_index: Some(submission.0.clone()), timeout: Some(Duration::ZERO) };
+        let ended = self.device.poll(now).is_ok();
+        self.check()?;
+        Ok(ended)
     }
 
     /// Runs a kernel over items `0..items` in slices of about 0.15 s each and waits for the last;
@@ -138,6 +168,13 @@ fn fault(kernel: &Kernel, what: &str) -> Error {
 }
 
 impl Batch<'_> {
+    pub(super) fn encoder(&mut self) -> &mut wgpu::CommandEncoder {
+        match &mut self.encoder {
+            Encoder::Own(encoder) => encoder,
+            Encoder::Lent(encoder) => encoder,
+        }
+    }
+
     /// Adds a dispatch over items `0..items`; nothing for none. The caller keeps the work of a
     /// batch within a time slice ([`Gpu::slice`]).
     ///
@@ -171,7 +208,7 @@ impl Batch<'_> {
         if end == 0 {
             return Ok(());
         }
-        self.record(pipeline, group, Span { first: 0, end, row: GROUP, unused: 0 }, [1, 1])
+        self.record(pipeline, group, Span { first: 0, end, row: GROUP, place: 0 }, [1, 1])
     }
 
     /// Adds a dispatch of `groups` workgroups, each of which works on all items from `first` to
@@ -194,7 +231,32 @@ impl Batch<'_> {
         if groups > self.gpu.capabilities.max_groups {
             return Err(fault(pipeline.kernel, &format!("{groups} workgroups do not fit one dispatch")));
         }
-        self.record(pipeline, group, Span { first, end, row: groups * GROUP, unused: 0 }, [groups, 1])
+        self.record(pipeline, group, Span { first, end, row: groups * GROUP, place: 0 }, [groups, 1])
+    }
+
+    /// Adds a dispatch over the texels of `rows` of a picture that has `width` texels in a row: the
+    /// number of an invocation is its column, and its row counts from `rows.start`. The rows are the
+    /// span's items; `place` goes with the span and says where the first of them is kept.
+    ///
+    /// # Errors
+    /// As [`Batch::dispatch`].
+    pub fn dispatch_rows(
+        &mut self,
+        pipeline: &Pipeline,
+        group: &BindGroup,
+        rows: std::ops::Range<u32>,
+        width: u32,
+        place: u32,
+    ) -> Result<()> {
+        let kernel = pipeline.kernel;
+        let groups = [width.div_ceil(kernel.items_per_group()), rows.len() as u32];
+        if groups.contains(&0) {
+            return Ok(());
+        }
+        if groups.iter().any(|&g| g > self.gpu.capabilities.max_groups) {
+            return Err(fault(kernel, &format!("{width} x {} texels do not fit one dispatch", rows.len())));
+        }
+        self.record(pipeline, group, Span { first: rows.start, end: rows.end, row: width, place }, groups)
     }
 
     fn record(&mut self, pipeline: &Pipeline, group: &BindGroup, span: Span, [x, y]: [u32; 2]) -> Result<()> {
@@ -215,13 +277,13 @@ impl Batch<'_> {
             return Err(fault(kernel, &format!("more than {} different dispatches in a batch", group.slots)));
         }
         let offset = slot as u32 * self.gpu.span_stride();
+        self.gpu.counters.dispatch();
         let mut pass = self
-            .encoder
+            .encoder()
             .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(kernel.name), timestamp_writes: None });
         pass.set_pipeline(&pipeline.pipeline);
         pass.set_bind_group(0, &group.raw, &[offset]);
         pass.dispatch_workgroups(x, y, 1);
-        self.gpu.counters.dispatch();
         Ok(())
     }
 
@@ -240,35 +302,56 @@ impl Batch<'_> {
         let a = from.bytes(&(from_first..from_first.saturating_add(count)))?;
         let b = to.bytes(&(to_first..to_first.saturating_add(count)))?;
         if count > 0 {
-            self.encoder.copy_buffer_to_buffer(&from.raw, a.start, &to.raw, b.start, a.end - a.start);
+            self.encoder().copy_buffer_to_buffer(&from.raw, a.start, &to.raw, b.start, a.end - a.start);
         }
         Ok(())
     }
 
     /// Sets all of a buffer to zero.
     pub fn clear<T>(&mut self, buffer: &Buffer<T>) {
-        self.encoder.clear_buffer(&buffer.raw, 0, None);
+        self.encoder().clear_buffer(&buffer.raw, 0, None);
     }
 
     /// Hands the batch to the device.
     ///
     /// # Errors
-    /// [`Error::Device`] if the device refuses it.
+    /// [`Error::Device`] if the device refuses it, or the encoder is another's.
     pub fn submit(self) -> Result<Submission> {
         let Self { gpu, encoder, spans } = self;
-        let stride = u64::from(gpu.span_stride());
+        let Encoder::Own(encoder) = encoder else {
+            return Err(Error::Device {
+                what: "a batch in another's encoder was submitted".into(),
+                remedy: "This is a fault of barymap: please report it".into(),
+            });
+        };
         gpu.scoped("submission", || {
             // Spans are written right before the submission that reads them; another thread's must
             // not come between.
             let _turn = gpu.submitting.lock().unwrap_or_else(PoisonError::into_inner);
-            for (buffer, spans) in &spans {
-                for (slot, span) in spans.iter().enumerate() {
-                    gpu.queue.write_buffer(buffer, slot as u64 * stride, bytemuck::bytes_of(span));
-                    gpu.counters.up(size_of::<Span>() as u64);
-                }
-            }
+            write_spans(gpu, &spans);
             gpu.counters.submission();
             Submission(gpu.queue.submit([encoder.finish()]))
         })
+    }
+
+    /// Ends a batch in an encoder of [`Gpu::batch_into`]. Nothing is submitted, waited for or
+    /// allocated. The owner submits the encoder before anything else is submitted that uses the
+    /// same bind groups: the spans are written here.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the device refuses.
+    pub fn encode(self) -> Result<()> {
+        self.gpu.scoped("spans", || write_spans(self.gpu, &self.spans))
+    }
+}
+
+/// Writes the spans of bind groups.
+fn write_spans(gpu: &Gpu, spans: &[(wgpu::Buffer, Vec<Span>)]) {
+    let stride = u64::from(gpu.span_stride());
+    for (buffer, spans) in spans {
+        for (slot, span) in spans.iter().enumerate() {
+            gpu.queue.write_buffer(buffer, slot as u64 * stride, bytemuck::bytes_of(span));
+            gpu.counters.up(size_of::<Span>() as u64);
+        }
     }
 }

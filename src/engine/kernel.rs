@@ -97,12 +97,12 @@ pub struct Span {
     pub end: u32,
     /// Invocations in one row of workgroups.
     pub row: u32,
-    /// Fills the struct to 16 bytes.
-    pub unused: u32,
+    /// In dispatches over rows: where the first row is kept.
+    pub place: u32,
 }
 
 /// The layout of [`Span`], shared by all kernels.
-pub const SPAN_LAYOUT: Layout = layout!(Span, { first, end, row, unused });
+pub const SPAN_LAYOUT: Layout = layout!(Span, { first, end, row, place });
 
 impl Span {
     /// The span of `items` from `first` and the workgroup counts of its dispatch: one row while
@@ -115,7 +115,7 @@ impl Span {
             return None;
         }
         let columns = groups.div_ceil(rows);
-        let span = Self { first, end: first.checked_add(items)?, row: columns * GROUP, unused: 0 };
+        let span = Self { first, end: first.checked_add(items)?, row: columns * GROUP, place: 0 };
         Some((span, [columns, rows]))
     }
 }

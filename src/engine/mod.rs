@@ -42,7 +42,7 @@ pub use lane::{Lane, LaneScalar, Lanes, Sweep, TILE};
 pub use options::{Backend, DeviceLimits, EngineOptions};
 #[doc(hidden)]
 pub use pyramid::{Pyramid, Word};
-pub use readback::ReadbackRing;
+pub use readback::{ReadbackRing, Staging};
 #[doc(hidden)]
 pub use real::Real;
 #[doc(hidden)]

@@ -1,5 +1,5 @@
-//! Bringing results back: one read, or a ring that lets the next tile compute while the last one is
-//! copied.
+//! Bringing results back: one read, several reads of one submission, or a ring that lets the next
+//! tile compute while the last one is copied.
 
 use std::collections::VecDeque;
 use std::marker::PhantomData;
@@ -15,20 +15,126 @@ use crate::error::{Error, Result};
 
 type Outcome = std::result::Result<(), wgpu::BufferAsyncError>;
 
-/// A staging buffer that results are copied into.
+/// A staging buffer, and the copy into it that is under way.
 #[derive(Debug)]
 struct Slot {
     raw: wgpu::Buffer,
     _share: Share,
+    pending: Option<(u64, Receiver<Outcome>)>,
 }
 
-/// A copy under way.
+impl Slot {
+    fn new(gpu: &Gpu, label: &str, bytes: u64) -> Result<Self> {
+        let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+        let (raw, _share) = gpu.allocate(label, bytes, usage)?;
+        Ok(Self { raw, _share, pending: None })
+    }
+
+    /// Adds the copies of elements `ranges` of `from`, one after the other; there is room for `most`.
+    fn record<T: Pod>(
+        &mut self,
+        batch: &mut Batch<'_>,
+        from: &Buffer<T>,
+        ranges: &[Range<usize>],
+        most: usize,
+    ) -> Result<()> {
+        let room = most as u64 * size_of::<T>() as u64;
+        let mut bytes = 0;
+        for range in ranges {
+            let source = from.bytes(range)?;
+            let count = source.end - source.start;
+            if bytes + count > room || !count.is_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT) || self.pending.is_some() {
+                return Err(fault("a readback does not fit its staging buffer"));
+            }
+            if count > 0 {
+                batch.encoder().copy_buffer_to_buffer(&from.raw, source.start, &self.raw, bytes, count);
+            }
+            bytes += count;
+        }
+        let (tell, mapped) = channel();
+        if bytes > 0 {
+            batch.encoder().map_buffer_on_submit(&self.raw, wgpu::MapMode::Read, 0..bytes, move |outcome| {
+                // The receiver is gone only if the buffer was dropped before the copy ended.
+                let _ = tell.send(outcome);
+            });
+        }
+        self.pending = Some((bytes, mapped));
+        Ok(())
+    }
+
+    /// Hands the values to `use_`, after their submission was waited for.
+    fn take<T: Pod, R>(&mut self, gpu: &Gpu, use_: impl FnOnce(&[T]) -> R) -> Result<R> {
+        let Some((bytes, mapped)) = self.pending.take() else { return Err(fault("nothing was read back")) };
+        if bytes == 0 {
+            return Ok(use_(&[]));
+        }
+        let lost = |e: String| Error::Device {
+            what: format!("results could not be read back: {e}"),
+            remedy: "Start again, or use --backend cpu".into(),
+        };
+        mapped.recv_timeout(gpu.timeout).map_err(|e| lost(e.to_string()))?.map_err(|e| lost(e.to_string()))?;
+        let view = self.raw.get_mapped_range(0..bytes).map_err(|e| lost(e.to_string()))?;
+        // In a browser the view is a copy, which may lie at any address.
+        let used = match bytemuck::try_cast_slice(&view) {
+            Ok(values) => use_(values),
+            Err(_) => use_(&bytemuck::pod_collect_to_vec::<u8, T>(&view)),
+        };
+        drop(view);
+        gpu.counters.down(bytes);
+        self.raw.unmap();
+        Ok(used)
+    }
+}
+
+fn fault(what: &str) -> Error {
+    Error::Device { what: what.into(), remedy: "This is a fault of barymap: please report it".into() }
+}
+
+/// Where values come back to the host, again and again. Several of one batch are brought back by
+/// one wait for its submission.
 #[derive(Debug)]
-struct Pending {
+pub struct Staging<'a, T> {
+    gpu: &'a Gpu,
     slot: Slot,
-    bytes: u64,
-    submission: Submission,
-    mapped: Receiver<Outcome>,
+    len: usize,
+    _type: PhantomData<fn() -> T>,
+}
+
+impl<'a, T: Pod> Staging<'a, T> {
+    /// Room for `len` values.
+    ///
+    /// # Errors
+    /// [`Error::Memory`] past the budget, [`Error::Device`] if the device refuses.
+    pub fn new(gpu: &'a Gpu, label: &str, len: usize) -> Result<Self> {
+        let slot = Slot::new(gpu, label, len as u64 * size_of::<T>() as u64)?;
+        Ok(Self { gpu, slot, len, _type: PhantomData })
+    }
+
+    /// Adds the copies of elements `ranges` of `from`, one after the other, to a batch.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if they do not fit, or the last copies were not taken.
+    pub fn record(&mut self, batch: &mut Batch<'_>, from: &Buffer<T>, ranges: &[Range<usize>]) -> Result<()> {
+        self.slot.record(batch, from, ranges, self.len)
+    }
+
+    /// Adds the copy of all of `from` to a batch.
+    ///
+    /// # Errors
+    /// As [`Staging::record`].
+    pub fn record_all(&mut self, batch: &mut Batch<'_>, from: &Buffer<T>) -> Result<()> {
+        let all = 0..from.len();
+        self.slot.record(batch, from, &[all], self.len)
+    }
+
+    /// Hands the values of the last copies to `use_`. The caller has waited for its submission.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if there was none, the device is lost or does not answer in time.
+    pub fn take<R>(&mut self, use_: impl FnOnce(&[T]) -> R) -> Result<R> {
+        self.gpu.check()?;
+        self.slot.take(self.gpu, use_)
+    }
 }
 
 /// A ring of staging buffers: results come back in the order they were asked for, up to `depth` at
@@ -37,7 +143,7 @@ struct Pending {
 pub struct ReadbackRing<'a, T> {
     gpu: &'a Gpu,
     free: Vec<Slot>,
-    pending: VecDeque<Pending>,
+    pending: VecDeque<(Slot, Submission)>,
     len: usize,
     _type: PhantomData<fn() -> T>,
 }
@@ -49,10 +155,7 @@ impl<'a, T: Pod> ReadbackRing<'a, T> {
     /// [`Error::Memory`] past the budget, [`Error::Device`] if the device refuses.
     pub fn new(gpu: &'a Gpu, label: &str, depth: usize, len: usize) -> Result<Self> {
         let bytes = len as u64 * size_of::<T>() as u64;
-        let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
-        let free = (0..depth.max(1))
-            .map(|_| gpu.allocate(label, bytes, usage).map(|(raw, _share)| Slot { raw, _share }))
-            .collect::<Result<Vec<_>>>()?;
+        let free = (0..depth.max(1)).map(|_| Slot::new(gpu, label, bytes)).collect::<Result<Vec<_>>>()?;
         Ok(Self { gpu, free, pending: VecDeque::new(), len, _type: PhantomData })
     }
 
@@ -66,26 +169,9 @@ impl<'a, T: Pod> ReadbackRing<'a, T> {
     /// # Errors
     /// [`Error::Device`] if the ring is full, the range does not fit or the device refuses.
     pub fn push(&mut self, mut batch: Batch<'_>, from: &Buffer<T>, range: Range<usize>) -> Result<()> {
-        let source = from.bytes(&range)?;
-        let bytes = source.end - source.start;
-        let fault = |what: &str| Error::Device {
-            what: what.into(),
-            remedy: "This is a fault of barymap: please report it".into(),
-        };
-        if range.len() > self.len || !bytes.is_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT) {
-            return Err(fault("a readback does not fit its staging buffer"));
-        }
-        let slot = self.free.pop().ok_or_else(|| fault("more readbacks are pending than were planned"))?;
-        let (tell, mapped) = channel();
-        if bytes > 0 {
-            batch.encoder.copy_buffer_to_buffer(&from.raw, source.start, &slot.raw, 0, bytes);
-            batch.encoder.map_buffer_on_submit(&slot.raw, wgpu::MapMode::Read, 0..bytes, move |outcome| {
-                // The receiver is gone only if the ring was dropped before the copy ended.
-                let _ = tell.send(outcome);
-            });
-        }
-        let submission = batch.submit()?;
-        self.pending.push_back(Pending { slot, bytes, submission, mapped });
+        let mut slot = self.free.pop().ok_or_else(|| fault("more readbacks are pending than were planned"))?;
+        slot.record(&mut batch, from, &[range], self.len)?;
+        self.pending.push_back((slot, batch.submit()?));
         Ok(())
     }
 
@@ -94,25 +180,10 @@ impl<'a, T: Pod> ReadbackRing<'a, T> {
     /// # Errors
     /// [`Error::Device`] if the device is lost or does not answer in time.
     pub fn pop(&mut self) -> Result<Option<Vec<T>>> {
-        let Some(p) = self.pending.pop_front() else { return Ok(None) };
-        self.gpu.wait(&p.submission)?;
-        let mut values = vec![T::zeroed(); p.bytes as usize / size_of::<T>().max(1)];
-        if p.bytes > 0 {
-            let lost = |e: String| Error::Device {
-                what: format!("results could not be read back: {e}"),
-                remedy: "Start again, or use --backend cpu".into(),
-            };
-            p.mapped
-                .recv_timeout(self.gpu.timeout)
-                .map_err(|e| lost(e.to_string()))?
-                .map_err(|e| lost(e.to_string()))?;
-            let view = p.slot.raw.get_mapped_range(0..p.bytes).map_err(|e| lost(e.to_string()))?;
-            bytemuck::cast_slice_mut::<T, u8>(&mut values).copy_from_slice(&view);
-            drop(view);
-            self.gpu.counters.down(p.bytes);
-            p.slot.raw.unmap();
-        }
-        self.free.push(p.slot);
+        let Some((mut slot, submission)) = self.pending.pop_front() else { return Ok(None) };
+        self.gpu.wait(&submission)?;
+        let values = slot.take(self.gpu, <[T]>::to_vec)?;
+        self.free.push(slot);
         Ok(Some(values))
     }
 }

@@ -43,6 +43,8 @@ pub use anchors::AnchorPairs;
 pub use embedding::{Embedding, EmbeddingOptions, Sampling};
 pub use identity::IdentityMap;
 pub use nearest_vertex::NearestVertex;
+#[doc(hidden)]
+pub use packed::{Doubts, MapStage, ResidentMap};
 pub use packed::{PackedImage, PackedPoint, PointMap, Status};
 #[doc(hidden)]
 pub use phong_surface::PhongSurface;

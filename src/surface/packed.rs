@@ -2,6 +2,8 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use crate::engine::{Batch, Binding, Buffer, Gpu};
+use crate::error::Result;
 use crate::geometry::{NONE, SurfacePoint};
 
 /// A surface point in 12 bytes: the third barycentric coordinate is what is left to one.
@@ -84,10 +86,20 @@ impl From<SurfacePoint> for PackedPoint {
 impl PackedImage {
     /// Nothing was found.
     pub const NOWHERE: Self = Self { face: NONE, b0: 0.0, b1: 0.0, confidence: 0.0, status: Status::Failed as u32 };
+    /// Barycentric coordinates may leave the triangle by this much, as a map's rounding.
+    pub const SLACK: f32 = 1e-2;
+    /// In place of a [`Status`]: kernels left the point to the reference.
+    pub const LEFT: u32 = 3;
 
     /// The point with its three coordinates in double precision; `None` where nothing was found.
     pub fn point(self) -> Option<SurfacePoint> {
         (self.face != NONE).then(|| PackedPoint { face: self.face, b0: self.b0, b1: self.b1 }.unpack())
+    }
+
+    /// The image if it lies on a source of `faces` triangles; else nothing was found.
+    pub fn checked(self, faces: usize) -> Self {
+        let inside = [self.b0, self.b1, 1.0 - self.b0 - self.b1].iter().all(|b| *b >= -Self::SLACK);
+        if inside && (self.face as usize) < faces { self } else { Self::NOWHERE }
     }
 
     /// The status.
@@ -102,7 +114,13 @@ pub trait PointMap: Sync {
     ///
     /// # Errors
     /// If a point is not on the target, or the device fails.
-    fn map(&self, points: &[PackedPoint], images: &mut Vec<PackedImage>) -> crate::Result<()>;
+    fn map(&self, points: &[PackedPoint], images: &mut Vec<PackedImage>) -> Result<()>;
+
+    /// The same map where points and images stay on a device; `None` where the host takes part in
+    /// every point.
+    fn resident(&self) -> Option<&dyn ResidentMap> {
+        None
+    }
 
     /// Points so far that kernels handed back to the CPU; `None` where no kernel runs.
     fn handed_back(&self) -> Option<u64> {
@@ -113,4 +131,54 @@ pub trait PointMap: Sync {
     fn field(&self) -> Option<&super::field::FieldReport> {
         None
     }
+}
+
+/// What speaks against points of the target whatever their evidence: bits for each of its triangles.
+#[derive(Clone, Copy)]
+pub struct Doubts<'a>(pub &'a (dyn Fn(u32) -> u32 + Sync));
+
+impl std::fmt::Debug for Doubts<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Doubts")
+    }
+}
+
+impl Doubts<'_> {
+    /// Nothing does.
+    pub const NONE: Self = Self(&|_| 0);
+    /// The triangle is turned over. The three bits above it say so of its corners alone.
+    pub const TURNED: u32 = 1;
+}
+
+/// A map on a device whose points are texels that lie there, and whose images stay there.
+pub trait ResidentMap: Sync {
+    /// The device; `None` where the map has come to work on the host.
+    fn gpu(&self) -> Option<&Gpu>;
+
+    /// The map of `texels`, records of four words of which the first three are a [`PackedPoint`]
+    /// (none where its triangle is [`NONE`]), to the same places of `images`.
+    ///
+    /// # Errors
+    /// [`Error::Memory`](crate::Error::Memory), [`Error::Capability`](crate::Error::Capability) or
+    /// [`Error::Device`](crate::Error::Device) if its buffers do not fit.
+    fn bind(&self, texels: Binding<'_>, images: &Buffer<PackedImage>, doubts: Doubts<'_>) -> Result<Box<dyn MapStage>>;
+
+    /// Maps points that the kernels left; `images` is cleared and gets one entry per point.
+    ///
+    /// # Errors
+    /// As [`PointMap::map`].
+    fn finish(&self, points: &[PackedPoint], images: &mut Vec<PackedImage>) -> Result<()>;
+}
+
+/// A [`ResidentMap`] with its texels and images.
+pub trait MapStage {
+    /// Texels that one call records at most.
+    fn capacity(&self) -> usize;
+
+    /// Records the map of `count` texels from `first` on. What kernels left has the status
+    /// [`PackedImage::LEFT`] and no triangle.
+    ///
+    /// # Errors
+    /// [`Error::Device`](crate::Error::Device).
+    fn record(&self, batch: &mut Batch<'_>, first: u32, count: usize) -> Result<()>;
 }

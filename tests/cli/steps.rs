@@ -260,3 +260,33 @@ fn every_stage_says_where_it_ran() {
     assert_eq!(r["stages_on"]["transfer.map"], r["backend"]["kind"]);
     assert_eq!(r["stages_on"]["transfer.fill"].as_str().unwrap_or("cpu"), "cpu");
 }
+
+#[test]
+fn a_transfer_on_a_device_brings_back_its_result_and_no_more() {
+    if Engine::adapters().is_empty() {
+        return;
+    }
+    let f = Folder::spheres();
+    let job = "transfer --source s.obj --texture s.png --target t.obj --anchors a.json --size 64 --backend gpu";
+    f.run(&format!("{job} -o o.png --report r.json")).succeeds();
+    let r = f.json("r.json");
+    let sum = |key: &str| -> u64 {
+        let stages = r["traffic"].as_object().unwrap().iter();
+        stages.filter(|(stage, _)| stage.starts_with("transfer.")).map(|(_, t)| t[key].as_u64().unwrap()).sum()
+    };
+    let bands = r["bands"].as_u64().unwrap();
+    // Four bytes of RGBA and one of coverage a texel, 32 a row of counts, and of a band the head of
+    // the list of points left and 512 records.
+    assert_eq!(sum("bytes_down"), 64 * 64 * 5 + 64 * 32 + bands * 513 * 16, "{}", r["traffic"]);
+    assert_eq!(sum("waits"), bands + 1);
+    for kernel in ["locate", "store_texel", "tally"] {
+        assert!(r["device_stages"].as_array().unwrap().iter().any(|s| s == kernel), "{}", r["device_stages"]);
+    }
+    // A kernel that stays on the CPU lets texels return, and the result is the same but for a step of
+    // a sample here and there.
+    f.run(&format!("{job} -o h.png --report h.json --host locate")).succeeds();
+    let h = f.json("h.json");
+    assert!(!h["device_stages"].as_array().unwrap().iter().any(|s| s == "locate"), "{}", h["device_stages"]);
+    assert_eq!((&h["covered"], &h["valid"], &h["padded"]), (&r["covered"], &r["valid"], &r["padded"]));
+    f.run(&format!("{job} -o n.png --host no-such-kernel")).fails(1, &["no-such-kernel", "sample_texture"]);
+}

@@ -4,7 +4,7 @@ use std::process::Command;
 
 use barymap::Error;
 use barymap::engine::reduce::RUN;
-use barymap::engine::{Backend, DeviceLimits, Engine, EngineOptions, Traffic};
+use barymap::engine::{Backend, Compaction, DeviceLimits, Engine, EngineOptions, Matching, Staging, Traffic};
 
 use crate::{devices, downlevel, engine};
 
@@ -97,6 +97,68 @@ fn traffic_is_counted() {
     assert_eq!((sum.dispatches, sum.submissions, sum.waits), (1, 2, 1));
     // One span up, one number for each run of the reduction down.
     assert_eq!((sum.bytes_up, sum.bytes_down), (16, 4 * 1000u64.div_ceil(RUN as u64)));
+}
+
+#[test]
+fn a_batch_in_another_s_encoder_is_submitted_by_its_owner() {
+    if engine().is_none() {
+        return;
+    }
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let adapter = pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions::default())).unwrap();
+    let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor::default())).unwrap();
+    let borrowed = Engine::from_device(&adapter.get_info(), device.clone(), queue.clone()).unwrap();
+    let gpu = borrowed.gpu().unwrap();
+    let items = gpu.upload("items", &[3u32, 1, 3, 3, 0]).unwrap();
+    let other = gpu.buffer::<u32>("other", 5).unwrap();
+    let threes = Compaction::new(gpu, &items, 5, Matching { stride: 1, offset: 0, value: 3, mask: !0 }).unwrap();
+
+    let before = gpu.traffic();
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    let mut batch = gpu.batch_into(&mut encoder).unwrap();
+    threes.record(&mut batch, 5).unwrap();
+    batch.copy(&items, 1, &other, 0, 4).unwrap();
+    batch.encode().unwrap();
+    let recorded = gpu.traffic() - before;
+    assert_eq!((recorded.submissions, recorded.waits, recorded.allocations), (0, 0, 0));
+    assert_eq!(recorded.dispatches, 3);
+    queue.submit([encoder.finish()]);
+    assert_eq!(threes.read(gpu).unwrap(), [0, 2, 3]);
+    assert_eq!(gpu.read(&other, 0..5).unwrap(), [1, 3, 3, 0, 0]);
+
+    // Its owner submits it, nobody else.
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    assert!(gpu.batch_into(&mut encoder).unwrap().submit().is_err());
+}
+
+#[test]
+fn one_wait_brings_several_buffers_back() {
+    if engine().is_none() {
+        return;
+    }
+    let own = Engine::new(EngineOptions { backend: Backend::Gpu, ..Default::default() }).unwrap();
+    let gpu = own.gpu().unwrap();
+    let floats = gpu.upload("floats", &[0.5f32, 1.5, 2.5, 3.5]).unwrap();
+    let words = gpu.upload("words", &[7u32, 8]).unwrap();
+    let mut of_floats = Staging::new(gpu, "floats", 4).unwrap();
+    let mut of_words = Staging::new(gpu, "words", 2).unwrap();
+    assert!(of_words.take(<[u32]>::len).is_err(), "nothing was read yet");
+    for _ in 0..2 {
+        let before = gpu.traffic();
+        let mut batch = gpu.batch().unwrap();
+        of_floats.record(&mut batch, &floats, &[3..4, 0..2]).unwrap();
+        of_words.record_all(&mut batch, &words).unwrap();
+        assert!(of_words.record_all(&mut batch, &words).is_err(), "the last copy was not taken");
+        let submission = batch.submit().unwrap();
+        gpu.wait(&submission).unwrap();
+        assert!(gpu.is_done(&submission).unwrap());
+        assert_eq!(of_floats.take(<[f32]>::to_vec).unwrap(), [3.5, 0.5, 1.5]);
+        assert_eq!(of_words.take(<[u32]>::to_vec).unwrap(), [7, 8]);
+        let read = gpu.traffic() - before;
+        assert_eq!(read, Traffic { bytes_down: 12 + 8, submissions: 1, waits: 1, ..Traffic::default() });
+    }
+    let mut batch = gpu.batch().unwrap();
+    assert!(of_words.record(&mut batch, &words, &[0..2, 0..1]).is_err(), "there is no room for three");
 }
 
 #[test]

@@ -17,6 +17,7 @@ mod plane;
 #[path = "../common/plane.rs"]
 mod plane_cases;
 mod remesh;
+mod resident;
 #[path = "../common/similar.rs"]
 mod similar;
 mod similarity;

@@ -22,7 +22,7 @@ use crate::{devices, downlevel, engine};
 const EPSILON: f64 = f32::EPSILON as f64;
 
 /// Noise in any depth; floats to 100.
-fn picture(width: u32, height: u32, channels: u32, depth: Depth, r: &mut Random) -> Image {
+pub(crate) fn picture(width: u32, height: u32, channels: u32, depth: Depth, r: &mut Random) -> Image {
     let count = (width * height * channels) as usize;
     let pixels = match depth {
         Depth::U8 => Pixels::U8((0..count).map(|_| r.next() as u8).collect()),
@@ -344,7 +344,7 @@ impl Scene {
 
 /// Whether two transfers are the same but for the rounding of colours: integers by one step on the
 /// edge between two.
-fn same_transfer(a: &TransferOutput, b: &TransferOutput) -> Result<(), String> {
+pub(crate) fn same_transfer(a: &TransferOutput, b: &TransferOutput) -> Result<(), String> {
     if a.coverage != b.coverage {
         return Err("coverage differs".into());
     }

@@ -3,6 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use barymap::conformance::kernels;
 pub(crate) use barymap::desk::Subject as Surface;
 use barymap::desk::find_pairs;
 use barymap::engine::{Backend, Engine, EngineOptions};
@@ -30,6 +31,10 @@ pub(crate) struct Common {
     /// Part of the name of the adapter to use (see `barymap devices`)
     #[arg(long, global = true)]
     pub(crate) adapter: Option<String>,
+    /// A kernel that stays on the CPU, by the name of its file in shaders/; may be given several
+    /// times. It tells which kernel a driver gets wrong
+    #[arg(long, value_name = "KERNEL", global = true, hide_short_help = true)]
+    pub(crate) host: Vec<String>,
     /// Write a JSON report here
     #[arg(long, global = true)]
     pub(crate) report: Option<PathBuf>,
@@ -156,8 +161,21 @@ impl<'a> Session<'a> {
         if let Some(report) = &common.report {
             barymap::io::output::check_writable(report)?;
         }
-        let engine =
-            Engine::new(EngineOptions { backend, adapter: common.adapter.clone(), ..EngineOptions::default() })?;
+        if let Some(name) = common.host.iter().find(|name| kernels().iter().all(|k| k.name != name.as_str())) {
+            let mut known: Vec<&str> = kernels().iter().map(|k| k.name).collect();
+            known.dedup();
+            return Err(Error::option(
+                "--host",
+                format!("there is no kernel {name}"),
+                format!("Give one of {}", known.join(", ")),
+            ));
+        }
+        let engine = Engine::new(EngineOptions {
+            backend,
+            adapter: common.adapter.clone(),
+            cpu_stages: common.host.clone(),
+            ..EngineOptions::default()
+        })?;
         let session = Self {
             common,
             bars: Bars::new(common.quiet),

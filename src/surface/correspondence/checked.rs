@@ -3,15 +3,16 @@
 use glam::DVec3;
 
 use super::{PointMap, Shape};
-use crate::error::Result;
+use crate::engine::{Binding, Buffer, Gpu};
+use crate::error::{Error, Result};
 use crate::geometry::{Frame, SurfacePoint};
 use crate::surface::field::FieldReport;
-use crate::surface::packed::{PackedImage, PackedPoint, Status};
+use crate::surface::packed::{Doubts, MapStage, PackedImage, PackedPoint, ResidentMap, Status};
 use crate::surface::quality::{flipped, normal_at, vertex_normals};
 
 /// Confidence of what is doubtful for another reason than its own evidence, at most: well below
 /// what counts as valid.
-pub(super) const DOUBT: f32 = 0.25;
+pub(crate) const DOUBT: f32 = 0.25;
 
 /// A map whose turned triangles are known: their points, corners included, are doubtful at best.
 pub(super) struct Checked {
@@ -68,14 +69,52 @@ impl Checked {
     }
 }
 
-impl PointMap for Checked {
-    fn map(&self, points: &[PackedPoint], images: &mut Vec<PackedImage>) -> Result<()> {
-        self.map.map(points, images)?;
+impl Checked {
+    /// Takes the trust from points in turned triangles.
+    fn doubt(&self, points: &[PackedPoint], images: &mut [PackedImage]) {
         for (_, image) in points.iter().zip(images).filter(|(p, _)| self.doubts(p)) {
             image.confidence = image.confidence.min(DOUBT);
             image.status = image.status.min(Status::Doubtful as u32);
         }
+    }
+
+    /// The map within, of whose residence [`PointMap::resident`] has made sure.
+    fn within(&self) -> Result<&dyn ResidentMap> {
+        self.map.resident().ok_or_else(|| Error::input("the map works on the CPU", "Use --backend cpu"))
+    }
+}
+
+impl ResidentMap for Checked {
+    fn gpu(&self) -> Option<&Gpu> {
+        self.map.resident().and_then(ResidentMap::gpu)
+    }
+
+    fn bind(&self, texels: Binding<'_>, images: &Buffer<PackedImage>, doubts: Doubts<'_>) -> Result<Box<dyn MapStage>> {
+        let of = |t: u32| {
+            let corner = |k: usize| self.touched[self.triangles[t as usize][k] as usize];
+            let bits = |set: bool, k: u32| if set { Doubts::TURNED << k } else { 0 };
+            let own = bits(self.turned[t as usize], 0);
+            (0..3).fold(own | doubts.0(t), |all, k| all | bits(corner(k), k as u32 + 1))
+        };
+        self.within()?.bind(texels, images, Doubts(&of))
+    }
+
+    fn finish(&self, points: &[PackedPoint], images: &mut Vec<PackedImage>) -> Result<()> {
+        self.within()?.finish(points, images)?;
+        self.doubt(points, images);
         Ok(())
+    }
+}
+
+impl PointMap for Checked {
+    fn map(&self, points: &[PackedPoint], images: &mut Vec<PackedImage>) -> Result<()> {
+        self.map.map(points, images)?;
+        self.doubt(points, images);
+        Ok(())
+    }
+
+    fn resident(&self) -> Option<&dyn ResidentMap> {
+        self.map.resident().map(|_| self as &dyn ResidentMap)
     }
 
     fn handed_back(&self) -> Option<u64> {

@@ -35,6 +35,21 @@ pub struct Trust {
     pub threshold: f64,
 }
 
+/// What a map's images are judged by.
+#[derive(Clone, Copy, Debug)]
+pub struct Vouching {
+    /// Whether evidence is gathered; else what was found is valid.
+    pub evidence: bool,
+    /// Mean edge of the source over the square root of its area.
+    pub unit: f64,
+    /// The scales.
+    pub trust: Trust,
+    /// Distance, in edges, beyond which the reference looks at a projection closer.
+    pub guard: Option<f64>,
+    /// Triangles of the source.
+    pub faces: usize,
+}
+
 impl Default for Trust {
     /// Calibrated on pairs with known truth and 80 to 93 anchors (docs/measurements.md, "What tells
     /// wrong from right"): where a residual above 0.05 is found a quarter to all of the points are

@@ -12,8 +12,9 @@ mod weighted;
 #[doc(hidden)]
 pub use baseline::Baseline;
 pub(crate) use baseline::Warp;
+pub(crate) use checked::DOUBT;
 #[doc(hidden)]
-pub use confidence::{Evidence, Trust};
+pub use confidence::{Evidence, Trust, Vouching};
 pub(crate) use weighted::AVERAGE_SCALE;
 #[doc(hidden)]
 pub use weighted::{Scratch, WeightedAverages};

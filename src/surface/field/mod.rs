@@ -41,7 +41,7 @@ use crate::geometry::{NONE, SurfacePoint};
 use crate::surface::anchors::AnchorPairs;
 use crate::surface::correspondence::Warp;
 use crate::surface::correspondence::drift::spread_drift;
-use crate::surface::correspondence::{Evidence, Shape, Trust, check_faces};
+use crate::surface::correspondence::{Evidence, Shape, Trust, Vouching, check_faces};
 use crate::surface::project::{Found, Projection};
 use crate::surface::vector::{Vector, cast, combine};
 use crate::surface::{NearestVertex, PackedImage, PackedPoint, PhongSurface, PointMap};
@@ -411,6 +411,24 @@ impl<S: Real, const K: usize> Field<S, K> {
     /// Whether a projection needs no second look: it is no farther than any projection may be.
     pub fn stays_near(&self, image: &Projection<S>) -> bool {
         image.face != NONE && image.distance_squared.to_f64().sqrt() <= GUARD
+    }
+
+    /// What the images of points are judged by.
+    pub(in crate::surface) fn vouching(&self) -> Vouching {
+        let evidence = !self.drift.is_empty();
+        Vouching {
+            evidence,
+            unit: self.unit,
+            trust: self.trust,
+            guard: Some(GUARD),
+            faces: self.source.triangles.len(),
+        }
+    }
+
+    /// The error to be expected at the corners of a triangle of the target; zeros where nothing is
+    /// known of it.
+    pub(in crate::surface) fn drift_of(&self, face: u32) -> [f64; 3] {
+        self.triangles[face as usize].map(|v| self.drift.get(v as usize).copied().unwrap_or(0.0))
     }
 
     /// The closest point of the source to what is interpolated, if the projection is much farther

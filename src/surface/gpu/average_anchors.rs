@@ -33,23 +33,47 @@ const LAYOUTS: &[Layout] = &[layout!(AverageParams, {
 
 /// Both averages: on the source, and of the target's own anchors for corrections and the round
 /// trip. All anchors in one dispatch.
-pub(super) static AVERAGE_ANCHORS: Kernel = variant(&[("OWN", 1.0), ("PART", 0.0)]);
-/// The average on the source alone.
-static AVERAGE_ONCE: Kernel = variant(&[("OWN", 0.0), ("PART", 0.0)]);
-/// One block of the first pass over the anchors.
-static SUM_ANCHORS: Kernel = variant(&[("OWN", 0.0), ("PART", 1.0)]);
-/// One block of the second pass, for both averages and for one.
-static AVERAGE_BLOCK: Kernel = variant(&[("OWN", 1.0), ("PART", 2.0)]);
-static AVERAGE_BLOCK_ONCE: Kernel = variant(&[("OWN", 0.0), ("PART", 2.0)]);
+pub(super) static AVERAGE_ANCHORS: Kernel = variant(&[("OWN", 1.0), ("PART", 0.0), ("TEXELS", 0.0)]);
+/// Of points in an array, and of texels: what a dispatch does.
+static VARIANTS: [Variants; 2] = [
+    Variants {
+        both: variant(&[("OWN", 1.0), ("PART", 0.0), ("TEXELS", 0.0)]),
+        once: variant(&[("OWN", 0.0), ("PART", 0.0), ("TEXELS", 0.0)]),
+        sums: variant(&[("OWN", 0.0), ("PART", 1.0), ("TEXELS", 0.0)]),
+        both_block: variant(&[("OWN", 1.0), ("PART", 2.0), ("TEXELS", 0.0)]),
+        once_block: variant(&[("OWN", 0.0), ("PART", 2.0), ("TEXELS", 0.0)]),
+    },
+    Variants {
+        both: variant(&[("OWN", 1.0), ("PART", 0.0), ("TEXELS", 1.0)]),
+        once: variant(&[("OWN", 0.0), ("PART", 0.0), ("TEXELS", 1.0)]),
+        sums: variant(&[("OWN", 0.0), ("PART", 1.0), ("TEXELS", 1.0)]),
+        both_block: variant(&[("OWN", 1.0), ("PART", 2.0), ("TEXELS", 1.0)]),
+        once_block: variant(&[("OWN", 0.0), ("PART", 2.0), ("TEXELS", 1.0)]),
+    },
+];
+
+/// The variants of the kernel.
+struct Variants {
+    /// Both averages, all anchors in one dispatch.
+    both: Kernel,
+    /// The average on the source alone.
+    once: Kernel,
+    /// One block of the first pass over the anchors.
+    sums: Kernel,
+    /// One block of the second pass, for both averages and for one.
+    both_block: Kernel,
+    once_block: Kernel,
+}
 
 /// The dispatches that average `anchors` anchors, in order: variant of the kernel and block.
-pub(super) fn dispatches(anchors: usize, own: bool) -> Vec<(&'static Kernel, usize)> {
+pub(super) fn dispatches(anchors: usize, own: bool, texels: bool) -> Vec<(&'static Kernel, usize)> {
+    let v = &VARIANTS[usize::from(texels)];
     let blocks = anchors.div_ceil(BLOCK_ANCHORS);
     if blocks <= 1 {
-        return vec![(if own { &AVERAGE_ANCHORS } else { &AVERAGE_ONCE }, 0)];
+        return vec![(if own { &v.both } else { &v.once }, 0)];
     }
-    let averages = if own { &AVERAGE_BLOCK } else { &AVERAGE_BLOCK_ONCE };
-    [&SUM_ANCHORS, averages].into_iter().flat_map(|kernel| (0..blocks).map(move |block| (kernel, block))).collect()
+    let averages = if own { &v.both_block } else { &v.once_block };
+    [&v.sums, averages].into_iter().flat_map(|kernel| (0..blocks).map(move |block| (kernel, block))).collect()
 }
 
 const fn variant(constants: &'static [(&'static str, f64)]) -> Kernel {

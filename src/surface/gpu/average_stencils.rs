@@ -6,7 +6,7 @@ use bytemuck::{Pod, Zeroable};
 use super::map::{device, obstacle};
 use super::project_phong::{ProjectParams, Projected};
 use super::tables::SurfaceTables;
-use super::tile::Projection;
+use super::tile::{Points, Projection};
 use crate::engine::{BindGroup, BindingKind, Buffer, Engine, Gpu, Kernel, Layout, ReadbackRing, Table};
 use crate::error::Result;
 use crate::geometry::SurfacePoint;
@@ -120,7 +120,8 @@ impl DeviceStencils {
         let rows_buffer = gpu.upload("rows", &table)?;
         let averages = gpu.buffer::<[f32; 8]>("averages", n)?;
         let params = || ProjectParams::new::<8>(gpu.capabilities(), &self.tables, 1, [0, 0]);
-        let side = || Projection::new::<8, _>(gpu, n, params()?, &averages, &begin, &self.tables, &self.starts);
+        let side =
+            || Projection::new::<8, _>(gpu, n, params()?, &averages, &Points::Own(&begin), &self.tables, &self.starts);
         let sides = [side()?, side()?];
         let work = Work { rows: &rows_buffer, count: n };
         let from_host = self.bind(gpu, &first, work, &averages)?;
@@ -135,7 +136,7 @@ impl DeviceStencils {
                 let mut batch = gpu.batch()?;
                 let group = if sent == 0 { &from_host } else { &from_side[(sent + 1) % 2] };
                 batch.dispatch(&pipeline, &group.0, n)?;
-                sides[sent % 2].record(&mut batch, n)?;
+                sides[sent % 2].record(&mut batch, 0, n)?;
                 ring.push(batch, &sides[sent % 2].results, 0..n)?;
                 sent += 1;
             }

@@ -1,14 +1,14 @@
 //! Weighted averages on a device.
 
 use super::average_anchors::{AVERAGE_ANCHORS, AverageParams, VECTORS, anchor_block, correction_records, dispatches};
-use super::map::{DeviceMap, HostMap, device, obstacle};
+use super::map::{DeviceMap, HostMap, MapTables, device, obstacle};
 use super::project_phong::ProjectParams;
 use super::tables::SurfaceTables;
-use super::tile::{Projection, Tile, capacity};
-use crate::engine::Engine;
+use super::tile::{Points, Projection, Work, capacity};
+use crate::engine::{Engine, Gpu, Table, UniformBlocks};
 use crate::error::Result;
 use crate::geometry::NONE;
-use crate::surface::correspondence::{Evidence, Trust, WeightedAverages};
+use crate::surface::correspondence::{Evidence, Trust, Vouching, WeightedAverages};
 use crate::surface::packed::{PackedImage, PackedPoint};
 use crate::surface::project;
 
@@ -32,6 +32,15 @@ impl HostMap for WeightedAverages<f32, 8> {
         };
         let [b0, b1, _] = image.x;
         Some(PackedImage { face: image.face, b0, b1, confidence: confidence as f32, status: status as u32 })
+    }
+
+    fn vouching(&self) -> Vouching {
+        let faces = self.source.triangles.len();
+        Vouching { evidence: self.gathers_evidence(), unit: self.unit, trust: self.trust, guard: None, faces }
+    }
+
+    fn drift_of(&self, face: u32) -> [f64; 3] {
+        self.target.triangles[face as usize].v.map(|v| self.drift.get(v as usize).copied().unwrap_or(0.0))
     }
 }
 
@@ -73,40 +82,77 @@ impl DeviceMap<WeightedAverages<f32, 8>> {
         let corrections = gpu.table("corrections", &correction_records(&map))?;
         let anchors = gpu.uniform_blocks("anchors", &anchor_block(&map))?;
 
-        let capacity = capacity(gpu, VECTORS * 32, 2);
-        let points = gpu.buffer::<PackedPoint>("points", capacity)?;
+        let params = |(_, block): (_, usize)| gpu.uniform("average parameters", &AverageParams::new(&map, block));
+        let parameters =
+            dispatches(map.table.len(), map.averages_own(), false).into_iter().map(params).collect::<Result<_>>()?;
+        let returns = !map.own_starts.is_empty();
+        let tables = AverageTables {
+            anchor_count: map.table.len(),
+            averages_own: map.averages_own(),
+            returns,
+            target,
+            source,
+            starts,
+            own_starts,
+            corrections,
+            anchors,
+            parameters,
+        };
+        Self::of(engine, gpu, map, Box::new(tables))
+    }
+}
+
+/// Weighted averages, and both surfaces, on a device.
+#[derive(Debug)]
+struct AverageTables {
+    anchor_count: usize,
+    averages_own: bool,
+    /// Whether the average of the target's own anchors is projected back.
+    returns: bool,
+    target: SurfaceTables,
+    source: SurfaceTables,
+    starts: Table,
+    own_starts: Table,
+    corrections: Table,
+    anchors: UniformBlocks<[f32; 8]>,
+    /// Of each dispatch.
+    parameters: Vec<UniformBlocks<AverageParams>>,
+}
+
+impl MapTables for AverageTables {
+    fn capacity(&self, gpu: &Gpu) -> usize {
+        capacity(gpu, VECTORS * 32, 2)
+    }
+
+    fn work(&self, gpu: &Gpu, capacity: usize, points: &Points<'_>) -> Result<Work> {
         let averages = gpu.buffer::<[f32; 8]>("averages", capacity * VECTORS)?;
+        let dispatches = dispatches(self.anchor_count, self.averages_own, points.are_texels());
         let mut images = Vec::new();
-        let mut parameters = Vec::new();
-        for (kernel, block) in dispatches(map.table.len(), map.averages_own()) {
+        for ((kernel, block), params) in dispatches.into_iter().zip(&self.parameters) {
             let pipeline = gpu.pipeline(kernel)?;
-            let params = gpu.uniform("average parameters", &AverageParams::new(&map, block))?;
             let bindings = [
                 params.bind(0),
-                anchors.bind(block),
+                self.anchors.bind(block),
                 points.bind(),
                 averages.bind(),
-                target.vertices.bind(),
-                target.triangles.bind(),
-                corrections.bind(),
+                self.target.vertices.bind(),
+                self.target.triangles.bind(),
+                self.corrections.bind(),
             ];
             let group = gpu.bind(&pipeline, &bindings)?;
             images.push((pipeline, group));
-            parameters.push(params);
         }
         // The average onto the source, measured from the average.
-        let forward = ProjectParams::new::<8>(gpu.capabilities(), &source, VECTORS, [0, 0])?;
-        let forward = Projection::new::<8, _>(gpu, capacity, forward, &averages, &points, &source, &starts)?;
-        let back = if map.own_starts.is_empty() {
-            None
-        } else {
+        let forward = ProjectParams::new::<8>(gpu.capabilities(), &self.source, VECTORS, [0, 0])?;
+        let forward = Projection::new::<8, _>(gpu, capacity, forward, &averages, points, &self.source, &self.starts)?;
+        let back = if self.returns {
             // The average of the target's own anchors back onto the target, measured from the point
             // itself.
-            let back = ProjectParams::new::<8>(gpu.capabilities(), &target, VECTORS, [1, 2])?;
-            Some(Projection::new::<8, _>(gpu, capacity, back, &averages, &points, &target, &own_starts)?)
+            let back = ProjectParams::new::<8>(gpu.capabilities(), &self.target, VECTORS, [1, 2])?;
+            Some(Projection::new::<8, _>(gpu, capacity, back, &averages, points, &self.target, &self.own_starts)?)
+        } else {
+            None
         };
-        let tile = Tile::new(capacity, points, images, forward, back);
-        let tables = (target, source, starts, own_starts, corrections, anchors, averages, parameters);
-        Ok(Self::of(engine, map, tile, Box::new(tables)))
+        Ok(Work { images, forward, back, _kept: Box::new(averages) })
     }
 }

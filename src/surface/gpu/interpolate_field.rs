@@ -1,23 +1,54 @@
 //! Host half of the kernel `interpolate_field`, and fields on a device.
 
-use super::map::{DeviceMap, HostMap, device, obstacle};
+use super::map::{DeviceMap, HostMap, MapTables, device, obstacle};
 use super::project_phong::ProjectParams;
 use super::tables::{SurfaceTables, append_rows};
-use super::tile::{Projection, Tile, capacity};
-use crate::engine::{BindingKind, Engine, Kernel};
+use super::tile::{Points, Projection, Work, capacity};
+use crate::engine::{BindingKind, Engine, Gpu, Kernel, Table};
 use crate::error::Result;
+use crate::surface::correspondence::Vouching;
 use crate::surface::field::Field;
 use crate::surface::packed::{PackedImage, PackedPoint};
 use crate::surface::project;
 
-pub(super) static INTERPOLATE_FIELD: Kernel = Kernel {
-    name: "interpolate_field",
-    source: include_str!("../../../shaders/interpolate_field.wgsl"),
-    bindings: &[BindingKind::Read, BindingKind::Write, BindingKind::Table, BindingKind::Table],
-    layouts: &[],
-    items: 1,
-    constants: &[],
-};
+pub(super) static INTERPOLATE_FIELD: Kernel = variant(&[("TEXELS", 0.0)]);
+/// The same of texels.
+static INTERPOLATE_TEXELS: Kernel = variant(&[("TEXELS", 1.0)]);
+
+const fn variant(constants: &'static [(&'static str, f64)]) -> Kernel {
+    Kernel {
+        name: "interpolate_field",
+        source: include_str!("../../../shaders/interpolate_field.wgsl"),
+        bindings: &[BindingKind::Read, BindingKind::Write, BindingKind::Table, BindingKind::Table],
+        layouts: &[],
+        items: 1,
+        constants,
+    }
+}
+
+/// A field and the source on a device.
+#[derive(Debug)]
+struct FieldTables {
+    source: SurfaceTables,
+    starts: Table,
+    triangles: Table,
+    field: Table,
+}
+
+impl MapTables for FieldTables {
+    fn capacity(&self, gpu: &Gpu) -> usize {
+        capacity(gpu, size_of::<[f32; 12]>(), 1)
+    }
+
+    fn work(&self, gpu: &Gpu, capacity: usize, points: &Points<'_>) -> Result<Work> {
+        let images = gpu.buffer::<[f32; 12]>("images", capacity)?;
+        let pipeline = gpu.pipeline(if points.are_texels() { &INTERPOLATE_TEXELS } else { &INTERPOLATE_FIELD })?;
+        let group = gpu.bind(&pipeline, &[points.bind(), images.bind(), self.triangles.bind(), self.field.bind()])?;
+        let forward = ProjectParams::new::<12>(gpu.capabilities(), &self.source, 1, [0, 0])?;
+        let forward = Projection::new::<12, _>(gpu, capacity, forward, &images, points, &self.source, &self.starts)?;
+        Ok(Work { images: vec![(pipeline, group)], forward, back: None, _kept: Box::new(images) })
+    }
+}
 
 impl HostMap for Field<f32, 12> {
     fn face_count(&self) -> usize {
@@ -31,6 +62,14 @@ impl HostMap for Field<f32, 12> {
         _round_trip: Option<f64>,
     ) -> Option<PackedImage> {
         self.stays_near(image).then(|| self.judged(point, image))
+    }
+
+    fn vouching(&self) -> Vouching {
+        self.vouching()
+    }
+
+    fn drift_of(&self, face: u32) -> [f64; 3] {
+        self.drift_of(face)
     }
 }
 
@@ -48,7 +87,6 @@ impl DeviceMap<Field<f32, 12>> {
     /// [`Error::Memory`](crate::Error::Memory), [`Error::Capability`](crate::Error::Capability) or
     /// [`Error::Device`](crate::Error::Device) if it does not fit.
     pub fn new(engine: &Engine, map: Field<f32, 12>) -> Result<Self> {
-        const BYTES: usize = size_of::<[f32; 12]>();
         let gpu = device(engine, INTERPOLATE_FIELD.name)?;
         let source = SurfaceTables::new(gpu, "source", map.source())?;
         let starts: Vec<[u32; 4]> = (0..map.triangles().len() as u32).map(|t| map.starts_of(t)).collect();
@@ -58,15 +96,6 @@ impl DeviceMap<Field<f32, 12>> {
         let mut field = Vec::new();
         append_rows(map.images(), &mut field);
         let field = gpu.table("field", &field)?;
-
-        let capacity = capacity(gpu, BYTES, 1);
-        let points = gpu.buffer::<PackedPoint>("points", capacity)?;
-        let images = gpu.buffer::<[f32; 12]>("images", capacity)?;
-        let pipeline = gpu.pipeline(&INTERPOLATE_FIELD)?;
-        let group = gpu.bind(&pipeline, &[points.bind(), images.bind(), triangles.bind(), field.bind()])?;
-        let forward = ProjectParams::new::<12>(gpu.capabilities(), &source, 1, [0, 0])?;
-        let forward = Projection::new::<12, _>(gpu, capacity, forward, &images, &points, &source, &starts)?;
-        let tile = Tile::new(capacity, points, vec![(pipeline, group)], forward, None);
-        Ok(Self::of(engine, map, tile, Box::new((source, starts, triangles, field, images))))
+        Self::of(engine, gpu, map, Box::new(FieldTables { source, starts, triangles, field }))
     }
 }

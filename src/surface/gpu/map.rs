@@ -1,6 +1,5 @@
 //! A map from the target to the source on a device.
 
-use std::any::Any;
 use std::fmt::Debug;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -8,13 +7,14 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
-use super::project_phong::{PROJECT_PHONG, Projected};
-use super::tile::Tile;
+use super::judge_image::JUDGE_IMAGE;
+use super::project_phong::{PROJECT_PHONG, Projected, SEARCH_PHONG};
+use super::tile::{Points, Tile, Work};
 use crate::engine::{Engine, Gpu, ReadbackRing};
 use crate::error::{Error, Result};
-use crate::surface::correspondence::check_faces;
+use crate::surface::correspondence::{Vouching, check_faces};
 use crate::surface::field::FieldReport;
-use crate::surface::packed::{PackedImage, PackedPoint, PointMap};
+use crate::surface::packed::{PackedImage, PackedPoint, PointMap, ResidentMap};
 use crate::surface::project::Projection;
 
 /// A map on the CPU whose images the kernels can find: what they found is judged here, and what
@@ -26,6 +26,21 @@ pub trait HostMap: PointMap + Debug {
     /// The image of a point that was projected to `image`, `round_trip` being the distance of its
     /// second projection from where it should be, in edges. `None` where it needs the reference.
     fn judge(&self, point: PackedPoint, image: &Projection<f32>, round_trip: Option<f64>) -> Option<PackedImage>;
+
+    /// What [`HostMap::judge`] goes by, for the kernel that does it on the device.
+    fn vouching(&self) -> Vouching;
+
+    /// The error to be expected at the corners of a triangle of the target; zeros without evidence.
+    fn drift_of(&self, face: u32) -> [f64; 3];
+}
+
+/// What a map looks up on a device, and the kernels that do so.
+pub(super) trait MapTables: Debug + Send + Sync {
+    /// Points that a tile holds.
+    fn capacity(&self, gpu: &Gpu) -> usize;
+
+    /// The dispatches for up to `capacity` points at a time.
+    fn work(&self, gpu: &Gpu, capacity: usize, points: &Points<'_>) -> Result<Work>;
 }
 
 /// A map with its kernels on a device; the same as the map `M` in single precision.
@@ -35,9 +50,7 @@ pub struct DeviceMap<M> {
     map: M,
     tile: Mutex<Tile>,
     left: AtomicU64,
-    // Tables and parameters, counted against the memory budget as long as bind groups refer to
-    // them.
-    _tables: Box<dyn Any + Send + Sync>,
+    tables: Box<dyn MapTables>,
 }
 
 /// The device of `engine`, for surfaces in R^D.
@@ -55,15 +68,33 @@ pub(super) fn device<'a>(engine: &'a Engine, first: &str) -> Result<&'a Gpu> {
 /// Why `engine` cannot run a map whose images the kernel `first` makes, over embeddings of this
 /// dimension; `None` if it can.
 pub(super) fn obstacle(engine: &Engine, first: &str, dimension: usize) -> Option<String> {
-    if let Some(stage) = [first, PROJECT_PHONG.name].into_iter().find(|s| engine.gpu_for(s).is_none()) {
+    if let Some(stage) =
+        [first, PROJECT_PHONG.name, SEARCH_PHONG.name].into_iter().find(|s| engine.gpu_for(s).is_none())
+    {
         return Some(format!("{stage} runs on the CPU"));
     }
     (dimension > 8).then(|| format!("the kernels work in 8 dimensions, the embedding has {dimension}"))
 }
 
 impl<M: HostMap> DeviceMap<M> {
-    pub(super) fn of(engine: &Engine, map: M, tile: Tile, tables: Box<dyn Any + Send + Sync>) -> Self {
-        Self { engine: engine.clone(), map, tile: Mutex::new(tile), left: AtomicU64::new(0), _tables: tables }
+    pub(super) fn of(engine: &Engine, gpu: &Gpu, map: M, tables: Box<dyn MapTables>) -> Result<Self> {
+        let capacity = tables.capacity(gpu);
+        let points = gpu.buffer::<PackedPoint>("points", capacity)?;
+        let work = tables.work(gpu, capacity, &Points::Own(&points))?;
+        let tile = Mutex::new(Tile::new(capacity, points, work));
+        Ok(Self { engine: engine.clone(), map, tile, left: AtomicU64::new(0), tables })
+    }
+
+    pub(super) fn engine(&self) -> &Engine {
+        &self.engine
+    }
+
+    pub(super) fn tables(&self) -> &dyn MapTables {
+        self.tables.as_ref()
+    }
+
+    pub(super) fn count_left(&self, points: usize) {
+        self.left.fetch_add(points as u64, Ordering::Relaxed);
     }
 
     /// The same map on the CPU.
@@ -97,7 +128,7 @@ impl<M: HostMap> DeviceMap<M> {
         let judged: Vec<Option<PackedImage>> =
             (0..points.len()).into_par_iter().map(|i| self.judge(points[i], &found[i], back.map(|b| &b[i]))).collect();
         let left: Vec<PackedPoint> = points.iter().zip(&judged).filter(|(_, j)| j.is_none()).map(|(p, _)| *p).collect();
-        self.left.fetch_add(left.len() as u64, Ordering::Relaxed);
+        self.count_left(left.len());
         let mut rest = Vec::new();
         self.map.map(&left, &mut rest)?;
         let mut rest = rest.into_iter();
@@ -136,6 +167,10 @@ impl<M: HostMap> PointMap for DeviceMap<M> {
             }
         }
         Ok(())
+    }
+
+    fn resident(&self) -> Option<&dyn ResidentMap> {
+        self.engine.gpu_for(JUDGE_IMAGE.name).map(|_| self as &dyn ResidentMap)
     }
 
     fn handed_back(&self) -> Option<u64> {

@@ -8,15 +8,20 @@
 //! | `interpolate_field` | images of vertices, interpolated in R^12 | [`Field::interpolate`](crate::surface::field::Field::interpolate) |
 //! | `project_phong` | projection by walks over vertices and triangles | [`PhongSurface::project`](crate::surface::PhongSurface::project) |
 //! | `search_phong` | the first level of the search, for what the walks leave | the same |
+//! | `judge_image` | whether an image can be trusted | [`judge_image`] |
 //!
-//! What they leave, a few points in a thousand, goes through the references.
+//! What they leave, a few points in a thousand, goes through the references. A map takes points from
+//! the host and gives images back to it ([`PointMap`]), or finds the images of texels where those
+//! lie ([`ResidentMap`](crate::surface::packed::ResidentMap)).
 
 mod average_anchors;
 mod average_stencils;
 mod averages;
 mod interpolate_field;
+mod judge_image;
 mod map;
 mod project_phong;
+mod resident;
 mod tables;
 mod tile;
 
@@ -24,6 +29,8 @@ mod tile;
 pub use average_anchors::{AverageParams, BLOCK_ANCHORS};
 #[doc(hidden)]
 pub use average_stencils::{DeviceStencils, MOST_ROWS, StencilParams};
+#[doc(hidden)]
+pub use judge_image::{JUDGE_ROUNDING, JudgeParams, judge_image};
 #[doc(hidden)]
 pub use map::{DeviceMap, HostMap};
 #[doc(hidden)]
@@ -47,6 +54,7 @@ pub const KERNELS: &[&Kernel] = &[
     &average_anchors::AVERAGE_ANCHORS,
     &average_stencils::AVERAGE_STENCILS,
     &interpolate_field::INTERPOLATE_FIELD,
+    &judge_image::JUDGE_IMAGE,
     &project_phong::PROJECT_PHONG,
     &project_phong::PROJECT_PHONG_12,
     &project_phong::SEARCH_PHONG,
@@ -113,6 +121,7 @@ pub fn correspondence_on(
 #[cfg(test)]
 pub(crate) fn twins() -> Vec<crate::twins::Twin> {
     use crate::geometry::NONE;
+    use crate::surface::packed::{Doubts, PackedImage, Status};
     use crate::surface::project::{Found, SEARCH_PATIENCE, WALK_PATIENCE};
     use crate::surface::{psi, search};
     use crate::twins::of;
@@ -128,16 +137,28 @@ pub(crate) fn twins() -> Vec<crate::twins::Twin> {
                 ("ROUNDING", psi::ROUNDING),
             ],
         ),
-        of("lib/phong", [("NONE", NONE.into()), ("AT_VERTEX", psi::at_vertex::<f32>().into())]),
+        of("lib/none", [("NONE", NONE.into())]),
+        of("lib/phong", [("AT_VERTEX", psi::at_vertex::<f32>().into())]),
         of(
-            "lib/projection",
+            "lib/projected",
             [
                 ("NOTHING", f64::from(Found::Nothing as u32)),
                 ("BY_WALK", f64::from(Found::Walk as u32)),
                 ("BY_SEARCH", f64::from(Found::Search as u32)),
                 ("LEFT", Projected::LEFT.into()),
+                ("HOW", Projected::HOW.into()),
             ],
         ),
+        of(
+            "lib/image",
+            [
+                ("FAILED", f64::from(Status::Failed as u32)),
+                ("DOUBTFUL", f64::from(Status::Doubtful as u32)),
+                ("VALID", f64::from(Status::Valid as u32)),
+                ("LEFT_TO_REFERENCE", PackedImage::LEFT.into()),
+            ],
+        ),
+        of("judge_image", [("TURNED", Doubts::TURNED.into())]),
     ]
     .concat()
 }

@@ -73,25 +73,39 @@ const LAYOUTS: &[Layout] = &[
 ];
 const PARAMS: BindingKind = BindingKind::Uniform(size_of::<ProjectParams>() as u64);
 
-pub(super) static PROJECT_PHONG: Kernel =
-    project(concat!(include_str!("../../../shaders/project_phong.wgsl"), "//#import lib/vector8\n"));
-/// The same in R^12.
-pub(super) static PROJECT_PHONG_12: Kernel =
-    project(concat!(include_str!("../../../shaders/project_phong.wgsl"), "//#import lib/vector12\n"));
-pub(super) static SEARCH_PHONG: Kernel =
-    search(concat!(include_str!("../../../shaders/search_phong.wgsl"), "//#import lib/vector8\n"));
-/// The same in R^12.
-pub(super) static SEARCH_PHONG_12: Kernel =
-    search(concat!(include_str!("../../../shaders/search_phong.wgsl"), "//#import lib/vector12\n"));
+const PROJECT_8: &str = concat!(include_str!("../../../shaders/project_phong.wgsl"), "//#import lib/vector8\n");
+const PROJECT_12: &str = concat!(include_str!("../../../shaders/project_phong.wgsl"), "//#import lib/vector12\n");
+const SEARCH_8: &str = concat!(include_str!("../../../shaders/search_phong.wgsl"), "//#import lib/vector8\n");
+const SEARCH_12: &str = concat!(include_str!("../../../shaders/search_phong.wgsl"), "//#import lib/vector12\n");
 
-/// The two kernels for surfaces in R^D.
-pub(super) fn kernels<const D: usize>() -> [&'static Kernel; 2] {
+pub(super) static PROJECT_PHONG: Kernel = project(PROJECT_8, &OWN_POINTS);
+/// The same in R^12.
+pub(super) static PROJECT_PHONG_12: Kernel = project(PROJECT_12, &OWN_POINTS);
+/// The same of texels.
+static PROJECT_TEXELS: Kernel = project(PROJECT_8, &TEXELS);
+static PROJECT_TEXELS_12: Kernel = project(PROJECT_12, &TEXELS);
+pub(super) static SEARCH_PHONG: Kernel = search(SEARCH_8);
+/// The same in R^12.
+pub(super) static SEARCH_PHONG_12: Kernel = search(SEARCH_12);
+
+/// Points in an array of their own.
+const OWN_POINTS: [(&str, f64); 1] = [("TEXELS", 0.0)];
+/// Points that are texels.
+const TEXELS: [(&str, f64); 1] = [("TEXELS", 1.0)];
+
+/// The two kernels for surfaces in R^D and the points of an array, or `texels`.
+pub(super) fn kernels<const D: usize>(texels: bool) -> [&'static Kernel; 2] {
     const { assert!(D == 8 || D == 12) };
-    if D == 8 { [&PROJECT_PHONG, &SEARCH_PHONG] } else { [&PROJECT_PHONG_12, &SEARCH_PHONG_12] }
+    match (D == 8, texels) {
+        (true, false) => [&PROJECT_PHONG, &SEARCH_PHONG],
+        (true, true) => [&PROJECT_TEXELS, &SEARCH_PHONG],
+        (false, false) => [&PROJECT_PHONG_12, &SEARCH_PHONG_12],
+        (false, true) => [&PROJECT_TEXELS_12, &SEARCH_PHONG_12],
+    }
 }
 
-const fn project(source: &'static str) -> Kernel {
-    Kernel { name: "project_phong", source, bindings: BINDINGS, layouts: LAYOUTS, items: 1, constants: &[] }
+const fn project(source: &'static str, constants: &'static [(&'static str, f64)]) -> Kernel {
+    Kernel { name: "project_phong", source, bindings: BINDINGS, layouts: LAYOUTS, items: 1, constants }
 }
 
 const fn search(source: &'static str) -> Kernel {

@@ -1,6 +1,9 @@
 //! A tile of points on a device: the dispatches that make their images in the embedding, and the
 //! projections of those.
+//!
+//! The points are an array that the host fills, or texels of an atlas that lie there.
 
+use std::any::Any;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -9,13 +12,14 @@ use bytemuck::Pod;
 use super::project_phong::{ProjectParams, Projected, kernels};
 use super::tables::SurfaceTables;
 use crate::engine::{
-    Batch, BindGroup, Buffer, Compaction, Gpu, Matching, Pipeline, ReadbackRing, Table, UniformBlocks,
+    Batch, BindGroup, Binding, Buffer, Compaction, Gpu, Matching, Pipeline, ReadbackRing, Table, UniformBlocks,
 };
 use crate::error::Result;
 use crate::surface::packed::PackedPoint;
+use crate::surface::psi::NEWTON_STEPS;
 
 /// Points of a tile at most: about 25 MB of device memory.
-const MOST_POINTS: usize = 131_072;
+pub(super) const MOST_POINTS: usize = 131_072;
 /// Points of a tile at least, below which dispatch costs more than it does.
 const LEAST_POINTS: usize = 1024;
 /// Points of the first tile, whose time holds the compilation of the kernels.
@@ -34,17 +38,59 @@ pub(super) fn capacity(gpu: &Gpu, vectors: usize, projections: usize) -> usize {
     usize::try_from(free).unwrap_or(usize::MAX).clamp(LEAST_POINTS, MOST_POINTS)
 }
 
-/// Buffers and bindings for one tile of points.
+/// Where the points of a tile are.
+#[derive(Clone, Debug)]
+pub(super) enum Points<'a> {
+    /// In an array of [`PackedPoint`].
+    Own(&'a Buffer<PackedPoint>),
+    /// In records of four words.
+    Texels(Binding<'a>),
+}
+
+impl Points<'_> {
+    pub(super) fn bind(&self) -> Binding<'_> {
+        match self {
+            Self::Own(points) => points.bind(),
+            Self::Texels(texels) => texels.clone(),
+        }
+    }
+
+    pub(super) fn are_texels(&self) -> bool {
+        matches!(self, Self::Texels(_))
+    }
+}
+
+/// The dispatches for points that lie somewhere.
+#[derive(Debug)]
+pub(super) struct Work {
+    /// What makes the images, one dispatch after the other.
+    pub(super) images: Vec<(Arc<Pipeline>, BindGroup)>,
+    pub(super) forward: Projection,
+    pub(super) back: Option<Projection>,
+    /// Vectors and parameters, counted against the memory budget as long as bind groups refer to
+    /// them.
+    pub(super) _kept: Box<dyn Any + Send + Sync>,
+}
+
+impl Work {
+    /// The images of `count` points from `first` on, and their projections.
+    pub(super) fn record(&self, batch: &mut Batch<'_>, first: u32, count: usize) -> Result<()> {
+        for (pipeline, group) in &self.images {
+            batch.dispatch_range(pipeline, group, first, count as u32)?;
+        }
+        let both = [Some(&self.forward), self.back.as_ref()];
+        both.into_iter().flatten().try_for_each(|p| p.record(batch, first, count))
+    }
+}
+
+/// A tile of points that the host fills.
 #[derive(Debug)]
 pub(super) struct Tile {
     pub(super) capacity: usize,
     /// Points the next tile takes.
     pub(super) next: usize,
     points: Buffer<PackedPoint>,
-    /// What makes the images, one dispatch after the other.
-    images: Vec<(Arc<Pipeline>, BindGroup)>,
-    forward: Projection,
-    back: Option<Projection>,
+    work: Work,
 }
 
 /// A projection: the walk, the compaction of what it leaves, the search.
@@ -54,23 +100,19 @@ pub(super) struct Projection {
     walk: (Arc<Pipeline>, BindGroup),
     left: Compaction,
     search: (Arc<Pipeline>, BindGroup),
+    /// Points that an invocation of the search looks for at most.
+    rounds: usize,
     _params: UniformBlocks<ProjectParams>,
 }
 
 impl Tile {
-    pub(super) fn new(
-        capacity: usize,
-        points: Buffer<PackedPoint>,
-        images: Vec<(Arc<Pipeline>, BindGroup)>,
-        forward: Projection,
-        back: Option<Projection>,
-    ) -> Self {
-        Self { capacity, next: FIRST_POINTS.min(capacity), points, images, forward, back }
+    pub(super) fn new(capacity: usize, points: Buffer<PackedPoint>, work: Work) -> Self {
+        Self { capacity, next: FIRST_POINTS.min(capacity), points, work }
     }
 
     /// Whether a second projection follows the first.
     pub(super) fn goes_back(&self) -> bool {
-        self.back.is_some()
+        self.work.back.is_some()
     }
 
     pub(super) fn submit(
@@ -83,15 +125,9 @@ impl Tile {
         gpu.write(&self.points, 0, points)?;
         let n = points.len();
         let mut batch = gpu.batch()?;
-        for (pipeline, group) in &self.images {
-            batch.dispatch(pipeline, group, n)?;
-        }
-        let stages = || [Some(&self.forward), self.back.as_ref()].into_iter().flatten();
-        for p in stages() {
-            p.record(&mut batch, n)?;
-        }
-        forward.push(batch, &self.forward.results, 0..n)?;
-        if let (Some(ring), Some(p)) = (back, &self.back) {
+        self.work.record(&mut batch, 0, n)?;
+        forward.push(batch, &self.work.forward.results, 0..n)?;
+        if let (Some(ring), Some(p)) = (back, &self.work.back) {
             ring.push(gpu.batch()?, &p.results, 0..n)?;
         }
         Ok(())
@@ -103,7 +139,7 @@ impl Tile {
             return;
         }
         if time > TILE_TIME {
-            let least = (SMALL_TILE / self.images.len()).max(LEAST_POINTS);
+            let least = (SMALL_TILE / self.work.images.len()).max(LEAST_POINTS);
             self.next = (self.next / 2).max(least).min(self.capacity);
         } else if time < TILE_TIME / 3 {
             self.next = (self.next * 2).min(self.capacity);
@@ -112,11 +148,11 @@ impl Tile {
 }
 
 impl Projection {
-    /// The dispatches for the first `n` averages.
-    pub(super) fn record(&self, batch: &mut Batch<'_>, n: usize) -> Result<()> {
-        batch.dispatch(&self.walk.0, &self.walk.1, n)?;
-        self.left.record(batch, n)?;
-        batch.dispatch(&self.search.0, &self.search.1, n)
+    /// The dispatches for the averages of `count` points from `first` on.
+    pub(super) fn record(&self, batch: &mut Batch<'_>, first: u32, count: usize) -> Result<()> {
+        batch.dispatch_range(&self.walk.0, &self.walk.1, first, count as u32)?;
+        self.left.record(batch, count)?;
+        batch.dispatch(&self.search.0, &self.search.1, count.div_ceil(self.rounds))
     }
 
     /// Projects the `averages` of points of R^D, which the kernels read from there.
@@ -125,11 +161,11 @@ impl Projection {
         capacity: usize,
         params: ProjectParams,
         averages: &Buffer<T>,
-        points: &Buffer<PackedPoint>,
+        points: &Points<'_>,
         surface: &SurfaceTables,
         starts: &Table,
     ) -> Result<Self> {
-        let [project, search] = kernels::<D>();
+        let [project, search] = kernels::<D>(points.are_texels());
         let params = gpu.uniform("projection parameters", &params)?;
         let results = gpu.buffer::<Projected>("projections", capacity)?;
         let stride = (size_of::<Projected>() / 4) as u32;
@@ -148,6 +184,28 @@ impl Projection {
             surface.near.bind(),
         ]);
         let search_group = gpu.bind(&search, &bindings)?;
-        Ok(Self { results, walk: (walk, walk_group), left, search: (search, search_group), _params: params })
+        let rounds = search_rounds(gpu.capabilities().loop_budget, surface.most_near);
+        Ok(Self { results, walk: (walk, walk_group), left, search: (search, search_group), rounds, _params: params })
+    }
+}
+
+/// How many points an invocation of `search_phong` may look for one after the other: sixteen, or as
+/// many as a driver's `budget` of loops allows. Of each it tests up to `most_near` triangles, with
+/// Newton's method in those that pass.
+fn search_rounds(budget: u32, most_near: u32) -> usize {
+    let one = most_near.max(1) * (NEWTON_STEPS as u32 + 3);
+    (budget / one).clamp(1, 16) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn searches_stay_within_the_loops_of_a_driver() {
+        assert_eq!(search_rounds(1 << 24, 512), 16);
+        assert_eq!(search_rounds(65_535, 64), 16);
+        assert!(search_rounds(65_535, 512) * 512 * (NEWTON_STEPS + 1) <= 65_535);
+        assert_eq!(search_rounds(4096, 512), 1);
     }
 }

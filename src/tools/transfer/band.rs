@@ -6,15 +6,12 @@ use rayon::prelude::*;
 use super::atlas::{AtlasTexel, Tile, rasterize_atlas};
 use super::bins::{Atlas, Bins};
 use super::footprint::{Footprint, Located, footprint, locate};
-use super::gpu::Rasterizer;
+use super::gpu::{Rasterizer, Seen};
 use super::tables::{SourceTriangle, TargetTriangle};
 use crate::error::{Error, Result};
 use crate::geometry::NONE;
 use crate::surface::{PackedImage, PackedPoint, PointMap, Status};
 use crate::tools::stopwatch::Stopwatch;
-
-/// Barycentric coordinates may leave the triangle by this much, as a map's rounding.
-const SLACK: f32 = 1e-2;
 
 /// A texture's grid and the rows of it at hand.
 pub(super) struct Window<'a> {
@@ -43,7 +40,6 @@ impl<'a> Window<'a> {
         map: &'a dyn PointMap,
         source_faces: usize,
         most_entries: usize,
-        device: Option<Rasterizer<'a>>,
     ) -> Self {
         Self {
             width: size[0] as usize,
@@ -53,13 +49,18 @@ impl<'a> Window<'a> {
             map,
             source_faces,
             most_entries,
-            device,
+            device: None,
             rows: 0..0,
             texels: Vec::new(),
             images: Vec::new(),
             points: Vec::new(),
             mapped: Vec::new(),
         }
+    }
+
+    /// Lets a device rasterise.
+    pub(super) fn rasterize_on(&mut self, device: Option<Rasterizer<'a>>) {
+        self.device = device;
     }
 
     /// Moves on so that `rows` and a row on either side are at hand. Windows only move down.
@@ -102,11 +103,23 @@ impl<'a> Window<'a> {
             if texel.is_covered()
                 && let Some(found) = next.next()
             {
-                *image = checked(found, faces);
+                *image = found.checked(faces);
             }
         }
         watch.lap("map");
         Ok(())
+    }
+
+    /// Moves on to texels and images that were found elsewhere, which follow those at hand; `rows`
+    /// and a row on either side are at hand then.
+    pub(super) fn take(&mut self, rows: &std::ops::Range<usize>, seen: Seen) {
+        let first = rows.start.saturating_sub(1);
+        let gone = (first - self.rows.start) * self.width;
+        self.texels.drain(..gone);
+        self.images.drain(..gone);
+        self.texels.extend(seen.texels);
+        self.images.extend(seen.images);
+        self.rows = first..seen.rows.end;
     }
 
     /// Footprints of the texels of `rows`, row after row.
@@ -179,11 +192,4 @@ impl<'a> Window<'a> {
     pub(super) fn is_valid(image: &PackedImage) -> bool {
         image.status() == Status::Valid
     }
-}
-
-/// An image that can be looked up; what is not on a source of `faces` triangles is nowhere.
-pub(super) fn checked(image: &PackedImage, faces: usize) -> PackedImage {
-    let b2 = 1.0 - image.b0 - image.b1;
-    let inside = image.b0 >= -SLACK && image.b1 >= -SLACK && b2 >= -SLACK;
-    if inside && (image.face as usize) < faces { *image } else { PackedImage::NOWHERE }
 }

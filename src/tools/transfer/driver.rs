@@ -1,12 +1,12 @@
 //! The whole transfer, band after band.
 
 use super::band::Window;
+use super::bands::Bands;
 use super::bins::Atlas;
 use super::charts::charts;
 use super::coordinates;
 use super::fill::{Fill, fill};
-use super::footprint::Footprint;
-use super::gpu::Stages;
+use super::gpu::{Resident, Stages, Work};
 use super::kind::LayerKind;
 use super::layer::{Layer, copy_padding};
 use super::lookup::{Lookup, lookups};
@@ -17,7 +17,7 @@ use super::pyramids::Pyramids;
 use super::rebase::{Rebase, renormalise};
 use super::seams::seam_pairs;
 use super::tables::target_triangles;
-use super::tally::{HOLE, Tally};
+use super::tally::HOLE;
 use super::{LARGEST_SIDE, TransferOptions, TransferOutput, TransferStats, coverage};
 use crate::engine::Engine;
 use crate::error::{Error, Result};
@@ -83,24 +83,15 @@ pub fn transfer_with<'a>(
 ) -> Result<TransferOutput> {
     let engine = pyramids.engine();
     check(source, layers, target, options)?;
-    let mut stages = Stages::new(engine, layers, options);
-    let plan = match Plan::new(source, layers, target, options, &stages) {
-        Err(Error::Memory { required, allowed, .. }) if stages.any() => {
-            stages = Stages::none(format!(
-                "the transfer runs on the CPU: with the device's copies it needs {required} bytes, {allowed} are allowed"
-            ));
-            Plan::new(source, layers, target, options, &stages)?
-        }
-        plan => plan?,
-    };
+    let mut stages = Stages::new(engine, layers, map, options);
+    let plan = plan(source, layers, target, options, &mut stages)?;
     let mut watch = Stopwatch::on(engine);
     let (lookups, lookup_of) = lookups(source, layers)?;
-    let mut grid = |scale: u32| -> Result<Window<'_>> {
+    let grid = |scale: u32| -> Result<Window<'_>> {
         let size = [options.width * scale, options.height * scale];
         let atlas = Atlas::new(target, size[0], size[1], options.region, options.material, plan.most_triangles)?;
         let target = target_triangles(target, source, size[0], size[1])?;
-        let device = stages.rasterizer(&atlas.triangles, size[0] as usize)?;
-        Ok(Window::new(size, atlas, target, map, source.triangle_count(), plan.most_entries, device))
+        Ok(Window::new(size, atlas, target, map, source.triangle_count(), plan.most_entries))
     };
     let mut coarse = grid(1)?;
     let mut fine = if options.supersample > 1 { Some(grid(options.supersample)?) } else { None };
@@ -109,10 +100,24 @@ pub fn transfer_with<'a>(
     watch.lap("frames");
     let output = |(l, &lookup)| Output::new(l, source, lookup, options, rebases[lookup].as_ref(), pyramids);
     let mut outputs = layers.iter().zip(&lookup_of).map(output).collect::<Result<Vec<_>>>()?;
-    let mut sampler = stages.sampler(|s| outputs.iter_mut().try_for_each(|o| o.upload(s, pyramids, options)))?;
+    let mut resident = resident(&mut stages, pyramids, &lookups, &coarse, &outputs, options, plan.rows)?;
+    let mut sampler = None;
+    if resident.is_none() {
+        for window in [Some(&mut coarse), fine.as_mut()].into_iter().flatten() {
+            window.rasterize_on(stages.rasterizer(&window.atlas().triangles, window.width)?);
+        }
+    }
+    if resident.is_none() || outputs.iter().any(|o| !o.stays()) {
+        let all = resident.is_none();
+        let wanted = |o: &&mut Output<'_>| all || !o.stays();
+        sampler =
+            stages.sampler(|s| outputs.iter_mut().filter(wanted).try_for_each(|o| o.upload(s, pyramids, options)))?;
+    }
     if sampler.is_none() {
         outputs.iter_mut().for_each(|o| o.device.clear());
-        pyramids.leave_device();
+        if resident.is_none() {
+            pyramids.leave_device();
+        }
     }
     watch.lap("mip");
 
@@ -123,67 +128,47 @@ pub fn transfer_with<'a>(
         true => Some(Image::zeros(options.width, options.height, channels, Depth::F32)?),
         false => None,
     };
-    let mut tally = Tally::default();
-    let mut scratch = Scratch::default();
-    scratch.footprints.resize_with(lookups.len(), Vec::new);
-    scratch.fine_footprints.resize_with(lookups.len(), Vec::new);
-    let mut bands = 0;
     progress.stage("texels", (width * height) as u64);
-    for start in (0..height).step_by(plan.rows) {
-        let rows = start..(start + plan.rows).min(height);
-        coarse.advance(&rows, &mut watch)?;
-        for (lookup, footprints) in lookups.iter().zip(&mut scratch.footprints) {
-            coarse.footprints(&rows, &lookup.table, footprints);
-        }
-        watch.lap("footprint");
-        if let Some(fine) = &mut fine {
-            let k = options.supersample as usize;
-            let fine_rows = rows.start * k..rows.end * k;
-            fine.advance(&fine_rows, &mut watch)?;
-            for (lookup, footprints) in lookups.iter().zip(&mut scratch.fine_footprints) {
-                fine.footprints(&fine_rows, &lookup.table, footprints);
-            }
-            watch.lap("footprint");
-        }
-        for output in &mut outputs {
-            output.sample(&rows, &coarse, fine.as_ref(), &mut scratch, options, sampler.as_mut())?;
-            if options.fill != Fill::None {
-                let (texture_of, table) = (&output.texture_of, &lookups[output.lookup].table);
-                output.holes.collect(&rows, height, &coarse, table, texture_of, options.fill_doubtful);
-            }
-        }
-        watch.lap("sample_texture");
-        if let (Some(stmap), Some(lookup)) = (&mut stmap, lookups.iter().find(|l| l.has_pictures())) {
-            coordinates::write(stmap, &rows, &coarse, lookup);
-        }
-        let band = &mut covers[rows.start * width..rows.end * width];
-        let shown: Vec<(&[Footprint], &[u32])> =
-            (outputs.iter()).map(|o| (scratch.footprints[o.lookup].as_slice(), o.texture_of.as_slice())).collect();
-        tally.add(&rows, &coarse, &shown, band);
-        watch.lap("coverage");
-        bands += 1;
-        progress.advance((rows.len() * width) as u64);
-    }
-    let (atlas, stats_memory) = (coarse.atlas(), plan.bytes);
+    let bands = Bands {
+        options,
+        plan: &plan,
+        lookups: &lookups,
+        coarse: &mut coarse,
+        fine: fine.as_mut(),
+        outputs: &mut outputs,
+        sampler: sampler.as_mut(),
+        stmap: stmap.as_mut(),
+        covers: &mut covers,
+        watch: &mut watch,
+        progress,
+        scratch: Scratch::new(lookups.len()),
+    };
+    let counts = match &mut resident {
+        Some(resident) => bands.on_device(resident)?,
+        None => bands.on_host()?,
+    };
+    let padded = resident.as_ref().is_some_and(Resident::pads);
+    let atlas = coarse.atlas();
     let mut stats = TransferStats {
         texels: (width * height) as u64,
         missing_texcoords: atlas.missing,
         degenerate_texcoords: atlas.degenerate,
         mirrored_texcoords: atlas.mirrored,
         size_ratio: rebases.iter().flatten().next().map(Rebase::size_ratio),
-        memory: stats_memory,
-        bands,
-        ..tally.stats()
+        memory: plan.bytes,
+        ..counts
     };
     outputs.iter_mut().for_each(|o| o.device.clear());
-    drop((coarse, fine, scratch, sampler));
+    drop((coarse, fine, sampler, resident));
     let mut notes = Vec::new();
     if options.fill != Fill::None {
         let allowed = options.memory.saturating_sub(fixed(source, layers, target, options));
         stats.filled = fill_holes(&mut outputs, target, &mut covers, options, allowed, &mut notes);
         watch.lap("fill");
     }
-    if options.margin > 0 {
+    if padded {
+        stats.padded = covers.iter().filter(|c| **c == coverage::PADDING).count() as u64;
+    } else if options.margin > 0 {
         progress.stage("padding", height as u64);
         let mut nearest = Vec::new();
         let mut padder = stages.padder(&covers, width, options.margin)?;
@@ -221,6 +206,57 @@ pub fn transfer_with<'a>(
     let coverage = Image { width: options.width, height: options.height, channels: 1, pixels: Pixels::U8(covers) };
     let layers = outputs.into_iter().map(|o| o.image).collect();
     Ok(TransferOutput { layers, coverage, coordinates: stmap, stats })
+}
+
+/// How the work is divided: with as much on a device as `options.memory` allows.
+fn plan(
+    source: &Mesh,
+    layers: &[Layer<'_>],
+    target: &Mesh,
+    options: &TransferOptions,
+    stages: &mut Stages<'_>,
+) -> Result<Plan> {
+    let made = |stages: &Stages<'_>| Plan::new(source, layers, target, options, stages);
+    match made(stages) {
+        Err(Error::Memory { .. }) if stages.leave_resident() => {}
+        plan => return plan,
+    }
+    match made(stages) {
+        Err(Error::Memory { required, allowed, .. }) if stages.any() => {
+            *stages = Stages::none(format!(
+                "the transfer runs on the CPU: with the device's copies it needs {required} bytes, {allowed} are allowed"
+            ));
+            made(stages)
+        }
+        plan => plan,
+    }
+}
+
+/// The transfer on a device, where all its stages run there.
+fn resident<'a>(
+    stages: &mut Stages<'a>,
+    pyramids: &Pyramids<'_>,
+    lookups: &[Lookup<'_>],
+    coarse: &Window<'_>,
+    outputs: &[Output<'_>],
+    options: &TransferOptions,
+    band: usize,
+) -> Result<Option<Resident<'a>>> {
+    let faces = lookups.first().map_or(0, |l| l.table.len());
+    let shows = |t: usize, o: &Output<'_>| o.texture_of[t] != NONE && lookups[o.lookup].table[t].chart != NONE;
+    let work = Work {
+        size: [options.width as usize, options.height as usize],
+        band,
+        lookups: lookups.iter().map(|l| l.table.as_slice()).collect(),
+        target: &coarse.target,
+        colored: (0..faces).map(|t| outputs.iter().any(|o| shows(t, o))).collect(),
+        mirrored: options.coordinates || options.fill != Fill::None || outputs.iter().any(|o| !o.stays()),
+    };
+    stages.resident(&work, |gpu, map, whole| {
+        let staying = outputs.iter().filter(|o| o.stays());
+        let plates = staying.map(|o| o.plate(gpu, pyramids, options.background)).collect::<Result<Vec<_>>>()?;
+        Resident::new(gpu, map, &work, plates, coarse.atlas(), options, whole)
+    })
 }
 
 /// What carries normals and heights, for each table of the source with layers that need it.

@@ -10,9 +10,9 @@ use crate::raster::{Image, Pixels};
 /// Distance to the centre of the source's texel, in texels. Below the steps of graphics devices'
 /// own filters (1/256), above what single precision makes of texture coordinates in pictures of
 /// 16384 texels (3e-3).
-const NEAR: f32 = 1.0 / 256.0;
+pub(super) const NEAR: f32 = 1.0 / 256.0;
 /// How much each side of the footprint may differ from a texel's, in texels.
-const ALIKE: f32 = 1.0 / 64.0;
+pub(super) const ALIKE: f32 = 1.0 / 64.0;
 
 /// Copies, sample for sample, the texel of the source under each texel of the result whose
 /// footprint is a whole texel there, within 1/256 texel of its centre and 1/64 texel of its size

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::atlas::{AtlasTexel, Tile, rasterize_atlas};
-use super::band::{Window, checked};
+use super::band::Window;
 use super::bins::{Atlas, Bins};
 use super::driver::check;
 use super::fill::Fill;
@@ -181,7 +181,7 @@ impl<'a> LiveTransfer<'a> {
         let mapped = texels.len();
         let mut dirty = Vec::new();
         for (&i, image) in texels.iter().zip(&images) {
-            let image = checked(image, self.source.len());
+            let image = image.checked(self.source.len());
             let known = &mut self.images[i as usize];
             if first || *known != image {
                 *known = image;

@@ -34,6 +34,7 @@ pub mod tables;
 pub mod tiles;
 
 mod band;
+mod bands;
 mod coordinates;
 mod driver;
 mod exact;

@@ -2,13 +2,12 @@
 
 use rayon::prelude::*;
 
-use super::TransferOptions;
 use super::atlas::AtlasTexel;
 use super::band::Window;
 use super::exact::copy_coinciding;
 use super::fill::Holes;
 use super::footprint::Footprint;
-use super::gpu::{DeviceTexture, Sampler};
+use super::gpu::{DeviceTexture, Plate, Sampler};
 use super::kind::LayerKind;
 use super::layer::{Layer, blank, store};
 use super::mip::{Encoding, MipChain};
@@ -17,6 +16,8 @@ use super::pyramids::Pyramids;
 use super::rebase::{Rebase, Samples, renormalise};
 use super::sample::{SampleParams, sample_texture};
 use super::vertex_colors::VertexColors;
+use super::{Background, TransferOptions};
+use crate::engine::Gpu;
 use crate::error::Result;
 use crate::geometry::{Mesh, NONE};
 use crate::raster::{Depth, Image};
@@ -29,6 +30,14 @@ pub(super) struct Scratch {
     pub(super) fine_footprints: Vec<Vec<Footprint>>,
     pub(super) colors: Vec<f32>,
     pub(super) fine_colors: Vec<f32>,
+}
+
+impl Scratch {
+    /// For so many tables of the source.
+    pub(super) fn new(lookups: usize) -> Self {
+        let empty = || vec![Vec::new(); lookups];
+        Self { footprints: empty(), fine_footprints: empty(), ..Self::default() }
+    }
 }
 
 /// A layer and its result.
@@ -72,6 +81,24 @@ impl<'a> Output<'a> {
             image: blank(options.width, options.height, channels, depth, options.background)?,
             kind: layer.kind,
             rebase,
+        })
+    }
+
+    /// Whether a device alone can make it, from what it holds of the texels: colours of pictures.
+    pub(super) fn stays(&self) -> bool {
+        self.kind == LayerKind::Color && self.vertices.is_none()
+    }
+
+    /// What a device makes it of.
+    pub(super) fn plate(&self, gpu: &Gpu, pyramids: &Pyramids<'_>, background: Background) -> Result<Plate<'_>> {
+        let image = &self.image;
+        Ok(Plate {
+            lookup: self.lookup,
+            pictures: self.chains.iter().map(|c| pyramids.on_device(gpu, c)).collect::<Result<_>>()?,
+            chains: &self.chains,
+            texture_of: &self.texture_of,
+            background: blank(1, 1, image.channels, image.depth(), background)?,
+            image,
         })
     }
 

@@ -18,7 +18,7 @@ use crate::raster::Pixels;
 /// no wider, so that rounding does not blur.
 pub(super) const SLACK: f32 = 1.0 / 64.0;
 /// Footprints wider than this many texels see the mean of the whole picture.
-const LARGEST_FOOTPRINT: f32 = 1e6;
+pub(super) const LARGEST_FOOTPRINT: f32 = 1e6;
 /// Texels of one parallel task.
 const TASK: usize = 4096;
 

@@ -367,8 +367,11 @@ impl<'p> Job<'_, 'p> {
         }
         self.notes(session, &roles, &result);
         let s = &result.stats;
-        let stage = |name: &str| s.stages.iter().find(|t| t.name == name).and_then(|t| t.cpu_seconds);
-        let per_texel = stage("map").filter(|_| s.covered > 0).map(|t| 1e9 * t / 2.0 / s.covered as f64);
+        // Where texels stay on the device the stages overlap: the whole is what there is to measure.
+        let stays = s.device_stages.contains(&"locate");
+        let counted = |name: &str| name == "map" || (stays && !["prepare", "frames", "mip"].contains(&name));
+        let spent: Option<f64> = s.stages.iter().filter(|t| counted(t.name)).map(|t| t.cpu_seconds).sum();
+        let per_texel = spent.filter(|_| s.covered > 0).map(|t| 1e9 * t / 2.0 / s.covered as f64);
         let d = vertices.distortion;
         session.handed_back = map.handed_back();
         let mut report = session.report(command);

@@ -7,7 +7,7 @@ use bytemuck::{Pod, Zeroable};
 use rayon::prelude::*;
 
 use super::items;
-use crate::engine::{BindingKind, Buffer, Gpu, Kernel, Layout, Pipeline, ReadbackRing};
+use crate::engine::{Batch, BindingKind, Buffer, Gpu, Kernel, Layout, Pipeline, ReadbackRing};
 use crate::error::Result;
 use crate::kernel_layout as layout;
 use crate::tools::transfer::pad::{COVERED, LARGEST_MARGIN};
@@ -61,7 +61,8 @@ pub struct Padder<'a> {
     rows: usize,
     columns: (Arc<Pipeline>, Buffer<u32>),
     seams: (Arc<Pipeline>, Buffer<[u32; 2]>),
-    ring: ReadbackRing<'a, [u32; 2]>,
+    /// Made when the host first wants what is found.
+    ring: Option<ReadbackRing<'a, [u32; 2]>>,
 }
 
 impl<'a> Padder<'a> {
@@ -78,6 +79,16 @@ impl<'a> Padder<'a> {
     /// [`Error::Device`](crate::Error::Device).
     pub fn new(gpu: &'a Gpu, coverage: &[u8], width: usize, margin: u32) -> Result<Self> {
         let height = coverage.len().checked_div(width).unwrap_or(0);
+        let bits = gpu.upload("coverage", &column_bits(coverage, width))?;
+        Self::of(gpu, bits, [width, height], margin)
+    }
+
+    /// For the coverage of a picture of this size that is on the device as bits ([`column_bits`]),
+    /// or will be.
+    ///
+    /// # Errors
+    /// As [`Padder::new`].
+    pub(super) fn of(gpu: &'a Gpu, bits: Buffer<u32>, [width, height]: [usize; 2], margin: u32) -> Result<Self> {
         let margin = margin.min(LARGEST_MARGIN);
         let pairs = width.div_ceil(2);
         // Columns look at words above and below, rows at pairs on both sides.
@@ -89,12 +100,58 @@ impl<'a> Padder<'a> {
             gpu,
             size: [width, height],
             margin,
-            bits: gpu.upload("coverage", &column_bits(coverage, width))?,
+            bits,
             rows,
             columns: (gpu.pipeline(&PAD_COLUMNS)?, gpu.buffer("column distances", rows * pairs)?),
             seams: (gpu.pipeline(&PAD_SEAMS)?, gpu.buffer("nearest texels", rows * pairs)?),
-            ring: ReadbackRing::new(gpu, "nearest texels", 2, rows * pairs)?,
+            ring: None,
         })
+    }
+
+    /// Words of the coverage of a picture as bits.
+    pub(super) fn words([width, height]: [usize; 2]) -> usize {
+        width * height.div_ceil(WORD)
+    }
+
+    pub(super) fn bits(&self) -> &Buffer<u32> {
+        &self.bits
+    }
+
+    pub(super) fn size(&self) -> [usize; 2] {
+        self.size
+    }
+
+    /// Rows that [`Padder::record`] takes at most.
+    pub(super) fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Records the nearest covered texels of `rows`, by pairs of texels; an odd row ends with one
+    /// too many.
+    ///
+    /// # Errors
+    /// As [`Padder::new`].
+    pub(super) fn record(&self, batch: &mut Batch<'_>, rows: Range<usize>) -> Result<&Buffer<[u32; 2]>> {
+        let [width, height] = self.size;
+        let pairs = width.div_ceil(2);
+        let params = PadParams {
+            width: width as u32,
+            height: height as u32,
+            pairs: pairs as u32,
+            first: rows.start as u32,
+            column_reach: self.margin.min(height as u32),
+            row_reach: self.margin.min(width as u32),
+            square: self.margin * self.margin,
+            unused: 0,
+        };
+        let params = self.gpu.uniform("padding parameters", &params)?;
+        let (columns, seams) = (&self.columns, &self.seams);
+        let of_columns = self.gpu.bind(&columns.0, &[params.bind(0), self.bits.bind(), columns.1.bind()])?;
+        let of_seams = self.gpu.bind(&seams.0, &[params.bind(0), columns.1.bind(), seams.1.bind()])?;
+        let (start, count) = items(&(0..rows.len() * pairs))?;
+        batch.dispatch_range(&columns.0, &of_columns, start, count)?;
+        batch.dispatch_range(&seams.0, &of_seams, start, count)?;
+        Ok(&seams.1)
     }
 
     /// The same as [`pad_seams`](crate::tools::transfer::pad::pad_seams), to the bit.
@@ -102,11 +159,14 @@ impl<'a> Padder<'a> {
     /// # Errors
     /// As [`Padder::new`].
     pub fn nearest(&mut self, rows: Range<usize>, nearest: &mut Vec<u32>) -> Result<()> {
-        let [width, height] = self.size;
+        let width = self.size[0];
         let pairs = width.div_ceil(2);
         nearest.clear();
         nearest.reserve(rows.len() * width);
-        let reach = self.margin.min(width as u32);
+        let mut ring = match self.ring.take() {
+            Some(ring) => ring,
+            None => ReadbackRing::new(self.gpu, "nearest texels", 2, self.rows * pairs)?,
+        };
         let mut first = rows.start;
         let mut pending = false;
         // One part computes while the one before is brought back.
@@ -114,37 +174,20 @@ impl<'a> Padder<'a> {
             let submitted = first < rows.end;
             if submitted {
                 let end = (first + self.rows).min(rows.end);
-                let params = PadParams {
-                    width: width as u32,
-                    height: height as u32,
-                    pairs: pairs as u32,
-                    first: first as u32,
-                    column_reach: self.margin.min(height as u32),
-                    row_reach: reach,
-                    square: self.margin * self.margin,
-                    unused: 0,
-                };
-                let params = self.gpu.uniform("padding parameters", &params)?;
-                let (columns, seams) = (&self.columns, &self.seams);
-                let of_columns = [params.bind(0), self.bits.bind(), columns.1.bind()];
-                let of_columns = self.gpu.bind(&columns.0, &of_columns)?;
-                let of_seams = self.gpu.bind(&seams.0, &[params.bind(0), columns.1.bind(), seams.1.bind()])?;
-                let all = 0..(end - first) * pairs;
-                let (start, count) = items(&all)?;
                 let mut batch = self.gpu.batch()?;
-                batch.dispatch_range(&columns.0, &of_columns, start, count)?;
-                batch.dispatch_range(&seams.0, &of_seams, start, count)?;
-                self.ring.push(batch, &seams.1, all)?;
+                let found = self.record(&mut batch, first..end)?;
+                ring.push(batch, found, 0..(end - first) * pairs)?;
                 first = end;
             }
             if std::mem::replace(&mut pending, submitted) {
-                let found = self.ring.pop()?.unwrap_or_default();
+                let found = ring.pop()?.unwrap_or_default();
                 for row in found.chunks_exact(pairs) {
                     // Of an odd row the last pair has one texel.
                     nearest.extend_from_slice(&row.as_flattened()[..width]);
                 }
             }
         }
+        self.ring = Some(ring);
         Ok(())
     }
 }

@@ -5,8 +5,11 @@ use std::sync::Arc;
 use bytemuck::{Pod, Zeroable};
 
 use super::{Items, items};
-use crate::engine::{BindingKind, Buffer, Gpu, Kernel, Layout, Pipeline, ReadbackRing, Table};
+use crate::engine::{
+    Batch, BindGroup, BindingKind, Buffer, Gpu, Kernel, Layout, Pipeline, ReadbackRing, Table, UniformBlocks,
+};
 use crate::error::{Error, Result};
+use crate::geometry::NONE;
 use crate::kernel_layout as layout;
 use crate::tools::transfer::atlas::{self, AtlasTexel, AtlasTriangle, BIN, BinEntry, Tile};
 use crate::tools::transfer::bins::Bins;
@@ -26,10 +29,10 @@ pub struct RasterizeParams {
     first_y: u32,
     columns: u32,
     most: u32,
-    unused: u32,
+    place: u32,
 }
 
-const LAYOUTS: &[Layout] = &[layout!(RasterizeParams, { x, y, width, first_x, first_y, columns, most, unused })];
+const LAYOUTS: &[Layout] = &[layout!(RasterizeParams, { x, y, width, first_x, first_y, columns, most, place })];
 
 pub(super) static RASTERIZE_ATLAS: Kernel = Kernel {
     name: "rasterize_atlas",
@@ -105,7 +108,9 @@ impl<'a> Rasterizer<'a> {
     ) -> Result<()> {
         let fits = bins.entries.len() <= entries(triangles.len()) && tile.width as usize <= self.texels.len();
         match fits.then(|| self.on_device(tile, bins, texels)) {
-            Some(Ok(())) => self.fill_dense(tile, bins, triangles, texels),
+            Some(Ok(())) => {
+                self.fill_dense(tile, bins, triangles, texels);
+            }
             // Too many triangles for the device: the reference does this tile.
             None | Some(Err(Error::Memory { .. } | Error::Capability { .. })) => {
                 self.left += tile.texels() as u64;
@@ -116,8 +121,9 @@ impl<'a> Rasterizer<'a> {
         Ok(())
     }
 
-    fn on_device(&self, tile: &Tile, bins: &Bins, texels: &mut [AtlasTexel]) -> Result<()> {
-        let width = tile.width as usize;
+    /// Binds the bins of a tile whose texels go to `texels`, from `place` on ([`NONE`] for each
+    /// dispatch from the first).
+    fn bind(&self, tile: &Tile, bins: &Bins, texels: &Buffer<AtlasTexel>, place: u32) -> Result<Bound> {
         let params = RasterizeParams {
             x: tile.x,
             y: tile.y,
@@ -126,20 +132,69 @@ impl<'a> Rasterizer<'a> {
             first_y: bins.first[1],
             columns: bins.columns,
             most: MOST_ENTRIES,
-            unused: 0,
+            place,
         };
         let params = self.gpu.uniform("rasterise parameters", &params)?;
         let starts = self.gpu.upload("bins", &bins.start)?;
         let entries = self.gpu.table("bin entries", &bins.entries)?;
-        let bindings = [params.bind(0), starts.bind(), self.texels.bind(), entries.bind(), self.triangles.bind()];
+        let bindings = [params.bind(0), starts.bind(), texels.bind(), entries.bind(), self.triangles.bind()];
         let group = self.gpu.bind(&self.pipeline, &bindings)?;
+        Ok(Bound { group, _tables: (params, starts, entries) })
+    }
+
+    /// Records the texels of a tile of whole rows into `into`, from `place` on; the same as
+    /// [`Rasterizer::rasterize`].
+    ///
+    /// # Errors
+    /// As [`Rasterizer::new`].
+    pub(super) fn record(
+        &mut self,
+        batch: &mut Batch<'_>,
+        tile: &Tile,
+        bins: &Bins,
+        triangles: &[AtlasTriangle],
+        into: &Buffer<AtlasTexel>,
+        place: usize,
+    ) -> Result<()> {
+        let fits = bins.entries.len() <= entries(triangles.len());
+        let mut texels = Vec::new();
+        match fits.then(|| self.bind(tile, bins, into, place as u32)) {
+            Some(Ok(bound)) => {
+                for part in few_parts(tile, bins) {
+                    let (first, count) = items(&part)?;
+                    batch.dispatch_range(&self.pipeline, &bound.group, first, count)?;
+                }
+                if bins.start.windows(2).all(|range| range[1] - range[0] <= MOST_ENTRIES) {
+                    return Ok(());
+                }
+                // The rows of crowded bins come from the reference.
+                texels.resize(tile.texels(), AtlasTexel::EMPTY);
+                let dense = self.fill_dense(tile, bins, triangles, &mut texels);
+                let host = self.gpu.upload("crowded texels", &texels)?;
+                dense.into_iter().try_for_each(|run| batch.copy(&host, run.start, into, place + run.start, run.len()))
+            }
+            // Too many triangles for the device: the reference does this tile.
+            None | Some(Err(Error::Memory { .. } | Error::Capability { .. })) => {
+                self.left += tile.texels() as u64;
+                texels.resize(tile.texels(), AtlasTexel::EMPTY);
+                atlas::rasterize_atlas(tile, bins, triangles, &mut texels);
+                let host = self.gpu.upload("atlas texels", &texels)?;
+                batch.copy(&host, 0, into, place, texels.len())
+            }
+            Some(Err(e)) => Err(e),
+        }
+    }
+
+    fn on_device(&self, tile: &Tile, bins: &Bins, texels: &mut [AtlasTexel]) -> Result<()> {
+        let width = tile.width as usize;
+        let Bound { group, _tables } = self.bind(tile, bins, &self.texels, NONE)?;
         let mut ring = ReadbackRing::new(self.gpu, "atlas texels", 2, self.texels.len())?;
         let mut pending: Option<Items> = None;
         let mut row = 0;
         // One part computes while the one before is brought back.
         while row < tile.height || pending.is_some() {
             let part = (row < tile.height).then(|| {
-                let end = part_end(tile, bins, row, self.texels.len());
+                let end = part_end(tile, bins, row, self.texels.len(), MOST_VISITS);
                 let part = row as usize * width..end as usize * width;
                 row = end;
                 part
@@ -158,8 +213,15 @@ impl<'a> Rasterizer<'a> {
         Ok(())
     }
 
-    /// The texels of bins with too many triangles.
-    fn fill_dense(&mut self, tile: &Tile, bins: &Bins, triangles: &[AtlasTriangle], texels: &mut [AtlasTexel]) {
+    /// The texels of bins with too many triangles; gives the runs of them.
+    fn fill_dense(
+        &mut self,
+        tile: &Tile,
+        bins: &Bins,
+        triangles: &[AtlasTriangle],
+        texels: &mut [AtlasTexel],
+    ) -> Vec<Items> {
+        let mut runs = Vec::new();
         for (bin, range) in (0..).zip(bins.start.windows(2)) {
             if range[1] - range[0] <= MOST_ENTRIES {
                 continue;
@@ -176,10 +238,19 @@ impl<'a> Rasterizer<'a> {
             for (y, row) in (y0..y1).zip(dense.chunks_exact(part.width.max(1) as usize)) {
                 let at = ((y - tile.y) * tile.width + x0 - tile.x) as usize;
                 texels[at..at + row.len()].copy_from_slice(row);
+                runs.push(at..at + row.len());
             }
             self.left += dense.len() as u64;
         }
+        runs
     }
+}
+
+/// The bins of a tile on a device. Its tables are counted against the memory budget as long as it
+/// lives; the driver keeps them until what was recorded with them has run.
+struct Bound {
+    group: BindGroup,
+    _tables: (UniformBlocks<RasterizeParams>, Buffer<u32>, Table),
 }
 
 /// Entries in the bins of a tile beyond which it goes through the reference: more than tiles of
@@ -188,15 +259,37 @@ fn entries(triangles: usize) -> usize {
     4 * triangles + (1 << 16)
 }
 
+/// Dispatches of one batch at most.
+const MOST_PARTS: usize = 12;
+
+/// The texels of a tile as the parts that one batch dispatches: of [`MOST_VISITS`], or of more where
+/// that makes too many.
+fn few_parts(tile: &Tile, bins: &Bins) -> Vec<Items> {
+    let mut visits = MOST_VISITS;
+    loop {
+        let mut parts = Vec::new();
+        let mut row = 0;
+        while row < tile.height {
+            let end = part_end(tile, bins, row, usize::MAX, visits);
+            parts.push((row * tile.width) as usize..(end * tile.width) as usize);
+            row = end;
+        }
+        if parts.len() <= MOST_PARTS {
+            return parts;
+        }
+        visits = visits.saturating_mul(2);
+    }
+}
+
 /// The row of the tile after the last that fits a dispatch together with `row`.
-fn part_end(tile: &Tile, bins: &Bins, row: u32, most: usize) -> u32 {
+fn part_end(tile: &Tile, bins: &Bins, row: u32, most: usize, most_visits: u64) -> u32 {
     let (mut end, mut texels, mut visits) = (row, 0, 0);
     while end < tile.height {
         let bin_row = ((tile.y + end) / BIN - bins.first[1]) * bins.columns;
         let [first, last] = [bin_row, bin_row + bins.columns].map(|b| bins.start[b as usize]);
         texels += tile.width as usize;
         visits += u64::from(BIN) * u64::from(last - first) + u64::from(tile.width);
-        if end > row && (texels > most || visits > MOST_VISITS) {
+        if end > row && (texels > most || visits > most_visits) {
             break;
         }
         end += 1;

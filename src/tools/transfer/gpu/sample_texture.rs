@@ -5,15 +5,15 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 
+use super::device_picture::{DevicePicture, half, level_count, stored_channels};
 use super::items;
 use crate::engine::{
-    BindGroup, BindingKind, Buffer, Gpu, Kernel, Layout, Pipeline, Pyramid, ReadbackRing, Table, UniformBlocks, Word,
+    BindGroup, BindingKind, Buffer, Gpu, Kernel, Layout, Pipeline, Pyramid, ReadbackRing, Table, UniformBlocks,
 };
 use crate::error::Result;
 use crate::geometry::{NONE, Wrap};
 use crate::kernel_layout as layout;
-use crate::raster::{Depth, Image, Pixels};
-use crate::tools::transfer::color::light_values;
+use crate::raster::{Depth, Image};
 use crate::tools::transfer::footprint::Footprint;
 use crate::tools::transfer::mip::{Alpha, MipChain};
 use crate::tools::transfer::sample::{Filter, SampleParams, sample_texture, widen};
@@ -32,6 +32,8 @@ pub struct TextureParams {
     scale: f32,
     wrap_u: u32,
     wrap_v: u32,
+    texture: u32,
+    unused: u32,
 }
 
 /// The number of a filter in [`TextureParams`].
@@ -50,11 +52,14 @@ pub struct FootprintRecord {
     centre: [f32; 2],
     dx: [f32; 2],
     dy: [f32; 2],
-    unused: [f32; 2],
+    /// Triangle of the source, or [`NONE`].
+    face: u32,
+    unused: u32,
 }
 
-const LAYOUTS: &[Layout] =
-    &[layout!(TextureParams, { width, height, levels, channels, filtering, taps, opacity, scale, wrap_u, wrap_v })];
+const LAYOUTS: &[Layout] = &[layout!(TextureParams, {
+    width, height, levels, channels, filtering, taps, opacity, scale, wrap_u, wrap_v, texture, unused
+})];
 
 /// Pictures of numbers.
 pub(super) static SAMPLE_TEXTURE: Kernel = variant(&[("WORDS", 0.0), ("MODES", 0.0)]);
@@ -74,6 +79,7 @@ const fn variant(constants: &'static [(&'static str, f64)]) -> Kernel {
             BindingKind::Uniform(size_of::<TextureParams>() as u64),
             BindingKind::Read,
             BindingKind::Write,
+            BindingKind::Table,
             BindingKind::Table,
             BindingKind::Table,
             BindingKind::Table,
@@ -97,73 +103,81 @@ pub struct Sampler<'a> {
     gpu: &'a Gpu,
     footprints: [Buffer<FootprintRecord>; 2],
     colors: Buffer<[f32; 4]>,
+    /// For footprints that the host chose: one triangle, which shows picture 0.
+    chosen: Table,
     ring: ReadbackRing<'a, [f32; 4]>,
     records: Vec<FootprintRecord>,
     left: u64,
 }
 
-/// A picture and its levels on a device, for any sampler there.
-#[derive(Debug)]
-pub struct DevicePicture {
-    base: Pyramid,
-    levels: Pyramid,
-    light: Table,
-}
-
 /// A texture on a device, with its bindings.
 #[derive(Debug)]
 pub struct DeviceTexture {
-    pipeline: Arc<Pipeline>,
+    texture: Texture,
     groups: [BindGroup; 2],
-    // Counted against the memory budget as long as the bind groups refer to them.
-    _picture: Arc<DevicePicture>,
-    _params: UniformBlocks<TextureParams>,
 }
 
-impl DevicePicture {
-    /// Puts a picture and its levels on a device.
-    ///
-    /// # Errors
-    /// [`Error::Capability`](crate::Error::Capability), [`Error::Memory`](crate::Error::Memory) or
-    /// [`Error::Device`](crate::Error::Device).
-    pub fn new(gpu: &Gpu, chain: &MipChain<'_>) -> Result<Self> {
+/// A picture and how it is sampled.
+#[derive(Debug)]
+pub(super) struct Texture {
+    pub(super) pipeline: Arc<Pipeline>,
+    pub(super) picture: Arc<DevicePicture>,
+    params: UniformBlocks<TextureParams>,
+}
+
+impl Texture {
+    /// `picture` is `chain` on the device, and number `texture` of its layer.
+    pub(super) fn new(
+        gpu: &Gpu,
+        picture: Arc<DevicePicture>,
+        chain: &MipChain<'_>,
+        (filter, taps): (Filter, u32),
+        texture: u32,
+    ) -> Result<Self> {
         let image = chain.image;
-        let (channels, stored) = (image.channels as usize, stored_channels(image.channels) as usize);
-        let entries = match image.depth() {
-            Depth::U8 => 256,
-            Depth::U16 => 65536,
-            Depth::F32 => 0,
+        let (words, scale) = match image.depth() {
+            Depth::U8 => (usize::from(chain.encoding.linear_light), 1.0 / 255.0),
+            Depth::U16 => (usize::from(chain.encoding.linear_light), 1.0 / 65535.0),
+            Depth::F32 => (2, 1.0),
         };
-        let entries = if chain.encoding.linear_light { entries } else { 0 };
-        let light: Vec<[f32; 4]> = light_values(entries).chunks_exact(4).map(|v| [v[0], v[1], v[2], v[3]]).collect();
-        let base = base(gpu, image, channels, stored)?;
-        let count = chain.levels.len().max(1) as u32;
-        let levels = gpu.pyramid("levels", stored as u32, half(image), count, |l, y, out: &mut [f32]| {
-            if let Some(level) = chain.levels.get(l as usize) {
-                let row = level.width as usize * channels;
-                spread(&level.texels[y as usize * row..(y as usize + 1) * row], channels, stored, out);
-            }
-        })?;
-        Ok(Self { base, levels, light: gpu.table("light", &light)? })
+        let kernel = &VARIANTS[words][usize::from(chain.wrap != [Wrap::Repeat; 2])];
+        let params = TextureParams {
+            width: image.width,
+            height: image.height,
+            levels: chain.levels.len() as u32,
+            channels: image.channels,
+            filtering: filtering(filter),
+            taps: taps.clamp(1, 16),
+            opacity: u32::from(image.has_alpha() && chain.encoding.alpha == Alpha::Opacity),
+            scale,
+            wrap_u: mode(chain.wrap[0]),
+            wrap_v: mode(chain.wrap[1]),
+            texture,
+            unused: 0,
+        };
+        let params = gpu.uniform("texture parameters", &params)?;
+        Ok(Self { pipeline: gpu.pipeline(kernel)?, picture, params })
     }
-}
 
-/// Level 0 of a picture as it is stored.
-fn base(gpu: &Gpu, image: &Image, channels: usize, stored: usize) -> Result<Pyramid> {
-    fn rows<'p, T: Word>(
-        samples: &'p [T],
-        row: usize,
-        channels: usize,
-        stored: usize,
-    ) -> impl FnMut(u32, u32, &mut [T]) + 'p {
-        move |_, y, out| spread(&samples[y as usize * row..(y as usize + 1) * row], channels, stored, out)
-    }
-    let (size, row) = ([image.width, image.height], image.width as usize * channels);
-    let n = stored as u32;
-    match &image.pixels {
-        Pixels::U8(v) => gpu.pyramid("picture", n, size, 1, rows(v, row, channels, stored)),
-        Pixels::U16(v) => gpu.pyramid("picture", n, size, 1, rows(v, row, channels, stored)),
-        Pixels::F32(v) => gpu.pyramid("picture", n, size, 1, rows(v, row, channels, stored)),
+    /// Its bindings with footprints, the colours that they get, and the picture of each triangle.
+    pub(super) fn bind(
+        &self,
+        gpu: &Gpu,
+        footprints: &Buffer<FootprintRecord>,
+        colors: &Buffer<[f32; 4]>,
+        textures: &Table,
+    ) -> Result<BindGroup> {
+        let DevicePicture { base, levels, light } = &*self.picture;
+        let bindings = [
+            self.params.bind(0),
+            footprints.bind(),
+            colors.bind(),
+            base.bind(),
+            levels.bind(),
+            light.bind(),
+            textures.bind(),
+        ];
+        gpu.bind(&self.pipeline, &bindings)
     }
 }
 
@@ -187,31 +201,6 @@ impl DeviceTexture {
     }
 }
 
-/// Channels of a texel on the device.
-fn stored_channels(channels: u32) -> u32 {
-    if channels == 3 { 4 } else { channels }
-}
-
-fn half(image: &Image) -> [u32; 2] {
-    [image.width, image.height].map(|n| (n / 2).max(1))
-}
-
-/// Levels above the picture.
-fn level_count(image: &Image) -> u32 {
-    31 - image.width.max(image.height).leading_zeros()
-}
-
-/// Copies a row of `from` channels to texels of `to`.
-fn spread<T: Copy>(row: &[T], from: usize, to: usize, out: &mut [T]) {
-    if from == to {
-        out.copy_from_slice(row);
-        return;
-    }
-    for (texel, out) in row.chunks_exact(from).zip(out.chunks_exact_mut(to)) {
-        out[..from].copy_from_slice(texel);
-    }
-}
-
 impl<'a> Sampler<'a> {
     /// Device memory, and host memory of the device's copies.
     pub const BYTES: u64 = (MOST_TEXELS * (size_of::<FootprintRecord>() * 5 + size_of::<[f32; 4]>() * 4)) as u64;
@@ -225,6 +214,7 @@ impl<'a> Sampler<'a> {
             gpu,
             footprints: [gpu.buffer("footprints", MOST_TEXELS)?, gpu.buffer("footprints", MOST_TEXELS)?],
             colors: gpu.buffer("colours", MOST_TEXELS)?,
+            chosen: gpu.table("chosen", &[[0_u32; 4]])?,
             ring: ReadbackRing::new(gpu, "colours", 2, MOST_TEXELS)?,
             records: Vec::new(),
             left: 0,
@@ -260,35 +250,13 @@ impl<'a> Sampler<'a> {
         filter: Filter,
         taps: u32,
     ) -> Result<DeviceTexture> {
-        let image = chain.image;
-        let (words, scale) = match image.depth() {
-            Depth::U8 => (usize::from(chain.encoding.linear_light), 1.0 / 255.0),
-            Depth::U16 => (usize::from(chain.encoding.linear_light), 1.0 / 65535.0),
-            Depth::F32 => (2, 1.0),
-        };
-        let kernel = &VARIANTS[words][usize::from(chain.wrap != [Wrap::Repeat; 2])];
-        let params = TextureParams {
-            width: image.width,
-            height: image.height,
-            levels: chain.levels.len() as u32,
-            channels: image.channels,
-            filtering: filtering(filter),
-            taps: taps.clamp(1, 16),
-            opacity: u32::from(image.has_alpha() && chain.encoding.alpha == Alpha::Opacity),
-            scale,
-            wrap_u: mode(chain.wrap[0]),
-            wrap_v: mode(chain.wrap[1]),
-        };
-        let params = self.gpu.uniform("texture parameters", &params)?;
-        let pipeline = self.gpu.pipeline(kernel)?;
-        let bind = |footprints: &Buffer<FootprintRecord>| {
-            let DevicePicture { base, levels, light } = &*picture;
-            let bindings =
-                [params.bind(0), footprints.bind(), self.colors.bind(), base.bind(), levels.bind(), light.bind()];
-            self.gpu.bind(&pipeline, &bindings)
-        };
-        let groups = [bind(&self.footprints[0])?, bind(&self.footprints[1])?];
-        Ok(DeviceTexture { pipeline, groups, _picture: picture, _params: params })
+        let texture = Texture::new(self.gpu, picture, chain, (filter, taps), 0)?;
+        let [a, b] = &self.footprints;
+        let groups = [
+            texture.bind(self.gpu, a, &self.colors, &self.chosen)?,
+            texture.bind(self.gpu, b, &self.colors, &self.chosen)?,
+        ];
+        Ok(DeviceTexture { texture, groups })
     }
 
     /// The same as [`sample_texture`], but for rounding: samples `texture`, which is `chain` on the
@@ -319,7 +287,7 @@ impl<'a> Sampler<'a> {
                 if f.face != NONE && texture_of[f.face as usize] == params.texture {
                     if plain(f, size) {
                         part.push(next as u32);
-                        self.records.push(FootprintRecord { centre: f.centre, dx: f.dx, dy: f.dy, unused: [0.0; 2] });
+                        self.records.push(FootprintRecord { centre: f.centre, dx: f.dx, dy: f.dy, face: 0, unused: 0 });
                     } else {
                         rest.push(next);
                     }
@@ -332,7 +300,7 @@ impl<'a> Sampler<'a> {
                 let all: Range<usize> = 0..part.len();
                 let mut batch = self.gpu.batch()?;
                 let (first, count) = items(&all)?;
-                batch.dispatch_range(&texture.pipeline, &texture.groups[turn], first, count)?;
+                batch.dispatch_range(&texture.texture.pipeline, &texture.groups[turn], first, count)?;
                 self.ring.push(batch, &self.colors, all)?;
                 turn ^= 1;
             }

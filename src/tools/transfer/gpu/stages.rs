@@ -1,29 +1,51 @@
 //! Which stages of a transfer run on a device, and what memory they take there.
 
-use super::pad_seams::{PAD_SEAMS, Padder};
+use super::copy_padding::{COPY_PADDING, COVERAGE_BITS};
+use super::exchange::{GATHER_LEFT, PLACE_IMAGES};
+use super::locate::{FOOTPRINT, LOCATE};
+use super::pad_seams::{PAD_COLUMNS, PAD_SEAMS, Padder};
 use super::rasterize_atlas::{RASTERIZE_ATLAS, Rasterizer};
+use super::resident::{Resident, Work};
 use super::sample_texture::{DeviceTexture, SAMPLE_TEXTURE, Sampler};
-use crate::engine::{Engine, Gpu};
+use super::store_texel::{Format, STORE_TEXEL};
+use super::tally::TALLY;
+use crate::engine::{Engine, Gpu, Kernel};
 use crate::error::{Error, Result};
 use crate::geometry::Mesh;
+use crate::surface::PointMap;
+use crate::surface::ResidentMap;
 use crate::tools::transfer::atlas::AtlasTriangle;
 use crate::tools::transfer::{Layer, TransferOptions};
+
+/// The stages between map, sampling and padding.
+const IN_BETWEEN: [&Kernel; 6] = [&GATHER_LEFT, &PLACE_IMAGES, &LOCATE, &FOOTPRINT, &STORE_TEXEL, &TALLY];
+/// The stages of padding.
+const PADDING: [&Kernel; 4] = [&COVERAGE_BITS, &PAD_COLUMNS, &PAD_SEAMS, &COPY_PADDING];
 
 /// What the upload of pictures takes for a while.
 const UPLOAD: u64 = 80 << 20;
 
 /// The stages of one transfer.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub(in crate::tools::transfer) struct Stages<'a> {
     rasterize: Option<&'a Gpu>,
     sample: Option<&'a Gpu>,
     pad: Option<&'a Gpu>,
+    /// The map where all stages run on its device.
+    resident: Option<(&'a Gpu, &'a dyn ResidentMap)>,
+    /// Whether whole pictures can be padded there.
+    pads_resident: bool,
     notes: Vec<String>,
 }
 
 impl<'a> Stages<'a> {
     /// The stages that `engine` runs on a device.
-    pub(in crate::tools::transfer) fn new(engine: &'a Engine, layers: &[Layer<'_>], options: &TransferOptions) -> Self {
+    pub(in crate::tools::transfer) fn new(
+        engine: &'a Engine,
+        layers: &[Layer<'_>],
+        map: &'a dyn PointMap,
+        options: &TransferOptions,
+    ) -> Self {
         let mut notes = Vec::new();
         let mut sample = engine.gpu_for(SAMPLE_TEXTURE.name);
         if let Some(gpu) = sample {
@@ -33,11 +55,48 @@ impl<'a> Stages<'a> {
                 sample = None;
             }
         }
+        let rasterize = engine.gpu_for(RASTERIZE_ATLAS.name);
+        // Of a texel's samples each is mapped and averaged for itself, by the host so far.
+        let all = IN_BETWEEN.iter().all(|k| engine.gpu_for(k.name).is_some()) && options.supersample == 1;
+        let resident = sample.and(rasterize).filter(|_| all).and_then(|gpu| {
+            map.resident().filter(|m| m.gpu().is_some_and(|own| std::ptr::eq(own, gpu))).map(|map| (gpu, map))
+        });
         Self {
-            rasterize: engine.gpu_for(RASTERIZE_ATLAS.name),
+            rasterize,
             sample,
             pad: engine.gpu_for(PAD_SEAMS.name).filter(|_| options.margin > 0),
+            resident,
+            pads_resident: PADDING.iter().all(|k| engine.gpu_for(k.name).is_some()),
             notes,
+        }
+    }
+
+    /// Lets texels return to the host between stages; whether they were to stay.
+    pub(in crate::tools::transfer) fn leave_resident(&mut self) -> bool {
+        self.resident.take().is_some()
+    }
+
+    /// The transfer on a device, if all its stages run there. `new` makes it, with whole pictures of
+    /// the result if so told.
+    pub(in crate::tools::transfer) fn resident<T>(
+        &mut self,
+        work: &Work<'_>,
+        new: impl Fn(&'a Gpu, &'a dyn ResidentMap, bool) -> Result<T>,
+    ) -> Result<Option<T>> {
+        let Some((gpu, map)) = self.resident else { return Ok(None) };
+        let lacks_room = |e: &Error| matches!(e, Error::Memory { .. } | Error::Capability { .. });
+        let made = match new(gpu, map, !work.mirrored && self.pads_resident) {
+            Err(e) if lacks_room(&e) => new(gpu, map, false),
+            made => made,
+        };
+        match made {
+            Ok(made) => Ok(Some(made)),
+            Err(why) if lacks_room(&why) => {
+                self.notes.push(format!("texels return to the host between stages: {why}"));
+                self.resident = None;
+                Ok(None)
+            }
+            Err(e) => Err(e),
         }
     }
 
@@ -100,6 +159,14 @@ impl<'a> Stages<'a> {
             let images = layers.iter().flat_map(|l| &l.images);
             bytes += Sampler::BYTES + UPLOAD + images.map(|i| DeviceTexture::bytes(i)).sum::<u64>();
         }
+        if self.resident.is_some() {
+            let words = |layer: &Layer<'_>| {
+                let (channels, depth) = layer.output_format(options.background);
+                Format { channels, depth }.words()
+            };
+            let size = [options.width as usize, options.height as usize];
+            bytes += Resident::bytes(size, layers.iter().map(words).sum(), target.triangle_count());
+        }
         if self.pad.is_some() {
             // Of the bands that are gone when padding begins, this takes a part.
             bytes = bytes.max(Padder::bytes(options.width as usize, options.height as usize));
@@ -109,9 +176,15 @@ impl<'a> Stages<'a> {
 
     /// Names of the stages on a device, and why others are not.
     pub(in crate::tools::transfer) fn report(&self) -> (Vec<&'static str>, Vec<String>) {
-        let stages =
-            [(self.rasterize, RASTERIZE_ATLAS.name), (self.sample, SAMPLE_TEXTURE.name), (self.pad, PAD_SEAMS.name)];
-        (stages.into_iter().filter_map(|(gpu, name)| gpu.map(|_| name)).collect(), self.notes.clone())
+        let between: Vec<&'static str> =
+            IN_BETWEEN.iter().filter(|_| self.resident.is_some()).map(|k| k.name).collect();
+        let of = |gpu: Option<&Gpu>, name| gpu.map(|_| name);
+        let stages = of(self.rasterize, RASTERIZE_ATLAS.name)
+            .into_iter()
+            .chain(between)
+            .chain(of(self.sample, SAMPLE_TEXTURE.name))
+            .chain(of(self.pad, PAD_SEAMS.name));
+        (stages.collect(), self.notes.clone())
     }
 }
 

@@ -1,0 +1,31 @@
+// Lists the points that kernels of the map left to the reference, in any order: the host sorts them.
+
+//#import lib/span
+//#import lib/image
+//#import lib/none
+
+@group(0) @binding(0) var<uniform> span: Span;
+// Four words each, the first three a point.
+@group(0) @binding(1) var<storage, read> texels: array<vec4u>;
+@group(0) @binding(2) var<storage, read> images: array<PackedImage>;
+// Their number and three words of nothing, then of each its place and the point. What has no room
+// is counted.
+@group(0) @binding(3) var<storage, read_write> left: array<atomic<u32>>;
+
+@compute @workgroup_size(GROUP)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    let index = span.first + invocation(span, id);
+    if index >= span.end {
+        return;
+    }
+    if images[index].status == LEFT_TO_REFERENCE {
+        let point = texels[index];
+        let at = 4u + 4u * atomicAdd(&left[0], 1u);
+        if at + 3u < arrayLength(&left) {
+            atomicStore(&left[at], index);
+            atomicStore(&left[at + 1u], point.x);
+            atomicStore(&left[at + 2u], point.y);
+            atomicStore(&left[at + 3u], point.z);
+        }
+    }
+}
