@@ -56,7 +56,7 @@ fn main() -> Result<()> {
     for (name, quality) in [("preview", SequenceQuality::PREVIEW), ("default", SequenceQuality::DEFAULT)] {
         let mut kept = Vec::new();
         let (done, spent) = once(|| {
-            deformer.play(&tracks, &quality, |f, frame| {
+            deformer.play(&tracks, 0..FRAMES, &quality, |f, frame| {
                 if SAMPLES.contains(&f) {
                     kept.push(frame.positions);
                 }

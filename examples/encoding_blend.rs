@@ -7,9 +7,9 @@
 
 use std::error::Error;
 
-use barymap::encoding::{HierarchyOptions, Similarity};
+use barymap::encoding::{HierarchyOptions, MarchQuality, Similarity};
 use barymap::models::shapes::icosphere;
-use barymap::tools::morph::{Morpher, QUALITY};
+use barymap::tools::morph::Morpher;
 use glam::{DQuat, DVec3};
 
 mod shared;
@@ -40,7 +40,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let anchors: Vec<u32> =
         (0..ball.vertex_count() as u32).filter(|&v| ball.positions[v as usize].z < -0.9).step_by(9).collect();
     let mut morpher = Morpher::new(&[&a, &placed], Some(&anchors), &HierarchyOptions::default())?;
-    let (blended, report) = morpher.masked(&mask, &QUALITY)?;
+    let (blended, report) = morpher.masked(&mask, &MarchQuality::DEFAULT)?;
     println!(
         "{} vertices, {} anchors, {} iterations in the last step",
         a.vertex_count(),

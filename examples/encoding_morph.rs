@@ -6,9 +6,9 @@
 
 use std::error::Error;
 
-use barymap::encoding::HierarchyOptions;
+use barymap::encoding::{HierarchyOptions, MarchQuality};
 use barymap::models::strider;
-use barymap::tools::morph::{Morpher, QUALITY};
+use barymap::tools::morph::Morpher;
 use glam::DVec3;
 
 mod shared;
@@ -22,7 +22,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (mut morphed, mut linear) = (Vec::new(), Vec::new());
     for k in 0..6 {
         let t = f64::from(k) / 5.0;
-        let (shape, report) = morpher.shape(&[1.0 - t, t], &QUALITY)?;
+        let (shape, report) = morpher.shape(&[1.0 - t, t], &MarchQuality::DEFAULT)?;
         println!("{t}: G {:.1e}", report.levels.last().map_or(0.0, |l| l.after));
         morphed.push(shape);
         linear.push(a.positions.iter().zip(&b.positions).map(|(p, q)| p.lerp(*q, t)).collect::<Vec<DVec3>>());

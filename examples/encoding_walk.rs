@@ -26,10 +26,15 @@ fn main() -> Result<(), Box<dyn Error>> {
     let deformer = Deformer::new(&walker.mesh, handles, &HierarchyOptions::default(), &Cache::disabled())?;
     let clock = std::time::Instant::now();
     let mut made = Vec::new();
-    deformer.play(&tracks, &SequenceQuality { stiffness: 1.0, ..SequenceQuality::DEFAULT }, |_, frame| {
-        made.push(frame.positions);
-        Ok(())
-    })?;
+    deformer.play(
+        &tracks,
+        0..tracks.len(),
+        &SequenceQuality { stiffness: 1.0, ..SequenceQuality::DEFAULT },
+        |_, frame| {
+            made.push(frame.positions);
+            Ok(())
+        },
+    )?;
     let seconds = clock.elapsed().as_secs_f64();
     println!("{} frames of {} vertices in {seconds:.1} s", made.len(), walker.mesh.vertex_count());
     let wanted = [0, 12, 24, 32, 40, 48, 56];

@@ -7,13 +7,13 @@
 
 use std::error::Error;
 
-use barymap::encoding::HierarchyOptions;
+use barymap::encoding::{HierarchyOptions, MarchQuality};
 use barymap::geometry::Topology;
 use barymap::models::character_pair;
 use barymap::progress::Quiet;
 use barymap::surface::correspondence::{CorrespondenceOptions, Shape, correspondence};
 use barymap::surface::{AnchorPairs, Embedding, EmbeddingOptions};
-use barymap::tools::morph::{FrameWatch, Morpher, QUALITY, compatible_mesh};
+use barymap::tools::morph::{FrameWatch, Morpher, compatible_mesh};
 
 mod shared;
 
@@ -43,7 +43,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut frames = Vec::new();
     for k in 0..5 {
         let t = f64::from(k) / 4.0;
-        let (shape, _) = morpher.shape(&[1.0 - t, t], &QUALITY)?;
+        let (shape, _) = morpher.shape(&[1.0 - t, t], &MarchQuality::DEFAULT)?;
         let m = watch.measure(&shape);
         println!("{t}: volume {:.4}, stretch efficiency {:.3}, {} inverted", m.volume, m.stretch_all, m.inverted);
         assert!(m.volume > 0.8 * ends[0].min(ends[1]) && m.volume < 1.2 * ends[0].max(ends[1]), "it collapses");

@@ -75,7 +75,7 @@ pub struct LevelReport {
 }
 
 impl LevelReport {
-    fn new(free: usize, solved: &Solved, clock: Instant) -> Self {
+    pub(super) fn new(free: usize, solved: &Solved, clock: Instant) -> Self {
         Self {
             free,
             iterations: solved.iterations,
@@ -85,6 +85,14 @@ impl LevelReport {
             seconds: clock.elapsed().as_secs_f64(),
             on_device: false,
         }
+    }
+
+    /// Adds what `further` did on the same stage afterwards.
+    pub(super) fn add(&mut self, further: &Self) {
+        self.iterations += further.iterations;
+        self.gradient_steps += further.gradient_steps;
+        self.after = further.after;
+        self.seconds += further.seconds;
     }
 }
 
@@ -118,10 +126,6 @@ pub struct Decoder {
     solvers: Vec<StageSolver>,
     /// The last held positions and all that followed from them.
     last: Option<Vec<V3<f64>>>,
-    /// The coefficients are not those of the last frame.
-    changed: bool,
-    /// Lengths of the slots' edges for the stiffness, a list a stage; empty for those at rest.
-    lengths: Vec<Vec<f64>>,
     device: Option<DeviceStages>,
 }
 
@@ -130,7 +134,7 @@ impl Decoder {
     pub fn new(hierarchy: Hierarchy, rest: &[V3<f64>]) -> Self {
         let rest = hierarchy.order.iter().map(|&v| rest[v as usize]).collect();
         let solvers = hierarchy.stages.iter().map(|_| StageSolver::default()).collect();
-        Self { hierarchy, rest, solvers, last: None, changed: false, lengths: Vec::new(), device: None }
+        Self { hierarchy, rest, solvers, last: None, device: None }
     }
 
     /// Does on the device of `engine`, if it has one, what it is made for: splits, and stages
@@ -153,25 +157,6 @@ impl Decoder {
     /// The rest shape in the hierarchy's numbering.
     pub fn rest(&self) -> &[V3<f64>] {
         &self.rest
-    }
-
-    /// Takes `positions` (in the hierarchy's numbering) for the frame before; `None` forgets it.
-    pub fn set_last(&mut self, positions: Option<Vec<V3<f64>>>) {
-        self.last = positions.filter(|p| p.len() == self.rest.len());
-    }
-
-    /// Changes the coefficients, for example to an average of several shapes' ([`super::Blend`]).
-    /// Rings must stay as they are.
-    ///
-    /// `change` returns the lengths that a stiffness keeps instead of those at rest: a list a
-    /// stage, one entry a slot; or nothing.
-    pub fn change_encoding(&mut self, change: impl FnOnce(&mut Hierarchy) -> Vec<Vec<f64>>) {
-        self.lengths = change(&mut self.hierarchy);
-        self.lengths.resize(if self.lengths.is_empty() { 0 } else { self.hierarchy.stages.len() }, Vec::new());
-        self.changed = true;
-        if let Some(device) = &mut self.device {
-            device.forget();
-        }
     }
 
     /// Positions of all vertices (in the hierarchy's numbering) for given positions of the held
@@ -197,8 +182,7 @@ impl Decoder {
         self.check(held)?;
         let h = &self.hierarchy;
         let last = self.last.take().filter(|_| warm);
-        let changed = std::mem::take(&mut self.changed);
-        if let Some(last) = last.as_ref().filter(|l| !changed && l[..h.held] == *held) {
+        if let Some(last) = last.as_ref().filter(|l| l[..h.held] == *held) {
             let same = last.clone();
             self.last = Some(same.clone());
             return Ok((same, DecodeReport::default()));
@@ -232,14 +216,14 @@ impl Decoder {
             if stop.iterations > 0 {
                 let mut started = 0;
                 if last.is_none() && free <= START_FREE && method == Method::Direct && quality.stiffness < START {
-                    let springs = springs(stage, self.lengths.get(k), &self.rest, scale, START);
+                    let springs = springs(stage, &self.rest, scale, START);
                     let part = &mut positions[..stage.vertices];
                     let (stencils, encoding) = (&stage.stencils, &stage.encoding);
                     started = self.solvers[k]
                         .minimise(stencils, encoding, springs.as_ref(), h.held, method, stop, part)?
                         .iterations;
                 }
-                let springs = springs(stage, self.lengths.get(k), &self.rest, scale, quality.stiffness);
+                let springs = springs(stage, &self.rest, scale, quality.stiffness);
                 let positions = &mut positions[..stage.vertices];
                 let done = match (&mut self.device, method, &springs) {
                     (Some(device), Method::Gradients(steps), None) => device.minimise(h, k, steps, stop, positions)?,
@@ -302,7 +286,7 @@ impl Decoder {
         let clock = Instant::now();
         let free = stage.vertices - h.held;
         let method = method(free, quality);
-        let springs = springs(stage, self.lengths.last(), &self.rest, scale, quality.stiffness);
+        let springs = springs(stage, &self.rest, scale, quality.stiffness);
         let stop = stop(method, quality);
         let solved =
             solver.minimise(&stage.stencils, &stage.encoding, springs.as_ref(), h.held, method, stop, positions)?;
@@ -335,21 +319,9 @@ fn pauses(free: usize, quality: &Quality) -> bool {
     stop(method(free, quality), quality).iterations > 0
 }
 
-/// The springs of a stage: over the lengths given for it, else over those at rest times the scale.
-pub(super) fn springs(
-    stage: &Stage,
-    given: Option<&Vec<f64>>,
-    rest: &[V3<f64>],
-    scale: f64,
-    stiffness: f64,
-) -> Option<Springs> {
-    if !(stiffness > 0.0) {
-        return None;
-    }
-    match given {
-        Some(lengths) => Springs::new(lengths, stiffness, scale),
-        None => Springs::new(&slot_lengths(&stage.stencils, rest, scale), stiffness, scale),
-    }
+/// The springs of a stage over the lengths at rest times the scale.
+pub(super) fn springs(stage: &Stage, rest: &[V3<f64>], scale: f64, stiffness: f64) -> Option<Springs> {
+    (stiffness > 0.0).then(|| Springs::new(&slot_lengths(&stage.stencils, rest, scale), stiffness, scale)).flatten()
 }
 
 fn method(free: usize, quality: &Quality) -> Method {

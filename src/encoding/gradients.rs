@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::decode::BLOCK;
 use super::derivative::{Linearisation, blocks};
 use super::springs::Stretch;
-use super::vector::{add_scaled, dot, sub};
+use super::vector::dot;
 use super::{Encoding, Stencils, V3};
 use crate::engine::Real;
 use crate::geometry::NONE;
@@ -41,7 +41,7 @@ pub(crate) fn apply(stencils: &Stencils, blocks: &[[f64; 9]], x: &[V3<f64>], y: 
 
 /// a - B x for a block by rows.
 #[inline(always)]
-fn minus<R: Real>(a: V3<R>, b: &[R; 9], x: V3<R>) -> V3<R> {
+fn minus(a: V3<f64>, b: &[f64; 9], x: V3<f64>) -> V3<f64> {
     [
         a[0] - (b[0] * x[0] + b[1] * x[1] + b[2] * x[2]),
         a[1] - (b[3] * x[0] + b[4] * x[1] + b[5] * x[2]),
@@ -51,7 +51,7 @@ fn minus<R: Real>(a: V3<R>, b: &[R; 9], x: V3<R>) -> V3<R> {
 
 /// a - Bᵀ x.
 #[inline(always)]
-fn minus_transposed<R: Real>(a: V3<R>, b: &[R; 9], x: V3<R>) -> V3<R> {
+fn minus_transposed(a: V3<f64>, b: &[f64; 9], x: V3<f64>) -> V3<f64> {
     [
         a[0] - (b[0] * x[0] + b[3] * x[1] + b[6] * x[2]),
         a[1] - (b[1] * x[0] + b[4] * x[1] + b[7] * x[2]),
@@ -103,22 +103,57 @@ pub fn encoding_diagonal(
     inverse_diagonal(stencils, &blocks(stencils, encoding, at, positions), &[], held)
 }
 
+/// A vector with a fourth number, zero: compilers work on four in step.
+type Padded<R> = [R; 4];
+/// The columns of a block.
+type Columns<R> = [Padded<R>; 3];
+
+/// a - B x.
+#[inline(always)]
+fn minus_columns<R: Real>(a: Padded<R>, b: &Columns<R>, x: Padded<R>) -> Padded<R> {
+    std::array::from_fn(|c| a[c] - (b[0][c] * x[0] + b[1][c] * x[1] + b[2][c] * x[2]))
+}
+
+/// a + s b.
+#[inline(always)]
+fn add_padded<R: Real>(a: Padded<R>, b: Padded<R>, s: R) -> Padded<R> {
+    std::array::from_fn(|c| a[c] + b[c] * s)
+}
+
+#[inline(always)]
+fn dot_padded<R: Real>(a: Padded<R>, b: Padded<R>) -> R {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn padded<R: Real>(x: &V3<f64>) -> Padded<R> {
+    [R::of(x[0]), R::of(x[1]), R::of(x[2]), R::ZERO]
+}
+
+/// Sum of products in blocks, as [`dot_product`].
+fn sum_of_products<R: Real>(a: &[Padded<R>], b: &[Padded<R>]) -> f64 {
+    let part = |(a, b): (&[Padded<R>], &[Padded<R>])| -> f64 {
+        a.iter().zip(b).map(|(&a, &b)| dot_padded(a, b).to_f64()).sum()
+    };
+    let blocks: Vec<f64> = a.par_chunks(BLOCK).zip(b.par_chunks(BLOCK)).map(part).collect();
+    blocks.iter().sum()
+}
+
 /// The matrix I - dF twice, by rows and by columns, so that both products stream through it; and
 /// vectors kept between solves.
 #[derive(Debug, Default)]
 pub(crate) struct Gradients<R> {
-    by_row: Vec<[R; 9]>,
-    by_column: Vec<[R; 9]>,
+    by_row: Vec<Columns<R>>,
+    by_column: Vec<Columns<R>>,
     column_row: Vec<u32>,
-    inverse_diagonal: Vec<V3<R>>,
+    inverse_diagonal: Vec<Padded<R>>,
     /// Directions of the springs, a slot each, or none.
-    springs: Vec<V3<R>>,
+    springs: Vec<Padded<R>>,
     pulls: Vec<R>,
-    x: Vec<V3<R>>,
-    residual: Vec<V3<R>>,
-    direction: Vec<V3<R>>,
-    rows: Vec<V3<R>>,
-    product: Vec<V3<R>>,
+    x: Vec<Padded<R>>,
+    residual: Vec<Padded<R>>,
+    direction: Vec<Padded<R>>,
+    rows: Vec<Padded<R>>,
+    product: Vec<Padded<R>>,
 }
 
 impl<R: Real> Gradients<R> {
@@ -142,16 +177,16 @@ impl<R: Real> Gradients<R> {
     ) -> usize {
         self.load(stencils, blocks, springs, held, right);
         let inverse = &self.inverse_diagonal;
-        let precondition = |r: V3<R>, d: V3<R>| [r[0] * d[0], r[1] * d[1], r[2] * d[2]];
+        let precondition = |r: Padded<R>, d: Padded<R>| -> Padded<R> { std::array::from_fn(|c| r[c] * d[c]) };
         self.direction.clear();
         self.direction.extend(self.residual.iter().zip(inverse).map(|(&r, &d)| precondition(r, d)));
-        let mut rho = dot_product(&self.residual, &self.direction);
+        let mut rho = sum_of_products(&self.residual, &self.direction);
         let stop = rho * tolerance * tolerance;
         let mut done = 0;
         while done < steps && rho > stop && rho > 0.0 {
             self.apply(stencils);
             let pulled: f64 = self.pulls.iter().map(|p| p.to_f64() * p.to_f64()).sum();
-            let curvature = dot_product(&self.rows, &self.rows) + pulled;
+            let curvature = sum_of_products(&self.rows, &self.rows) + pulled;
             if !(curvature > 0.0) || !curvature.is_finite() {
                 break;
             }
@@ -166,9 +201,9 @@ impl<R: Real> Gradients<R> {
                 .map(|(((r, x), (p, d)), inverse)| {
                     let mut sum = 0.0;
                     for k in 0..r.len() {
-                        x[k] = add_scaled(x[k], d[k], alpha);
-                        r[k] = add_scaled(r[k], p[k], R::ZERO - alpha);
-                        sum += dot(r[k], precondition(r[k], inverse[k])).to_f64();
+                        x[k] = add_padded(x[k], d[k], alpha);
+                        r[k] = add_padded(r[k], p[k], R::ZERO - alpha);
+                        sum += dot_padded(r[k], precondition(r[k], inverse[k])).to_f64();
                     }
                     sum
                 })
@@ -182,36 +217,39 @@ impl<R: Real> Gradients<R> {
                 .zip(self.inverse_diagonal.par_chunks(BLOCK))
                 .for_each(|((d, r), inverse)| {
                     for k in 0..d.len() {
-                        d[k] = add_scaled(precondition(r[k], inverse[k]), d[k], beta);
+                        d[k] = add_padded(precondition(r[k], inverse[k]), d[k], beta);
                     }
                 });
             done += 1;
         }
-        x.iter_mut().zip(&self.x).for_each(|(x, y)| *x = y.map(|y| y.to_f64()));
+        x.iter_mut().zip(&self.x).for_each(|(x, y)| *x = [y[0].to_f64(), y[1].to_f64(), y[2].to_f64()]);
         done
     }
 
     fn load(&mut self, stencils: &Stencils, blocks: &[[f64; 9]], springs: &[Stretch], held: usize, right: &[V3<f64>]) {
-        let convert = |b: &[f64; 9]| b.map(R::of);
+        let column = |b: &[f64; 9], at: [usize; 3]| padded(&at.map(|k| b[k]));
+        let columns = |b: &[f64; 9]| [column(b, [0, 3, 6]), column(b, [1, 4, 7]), column(b, [2, 5, 8])];
+        let rows = |b: &[f64; 9]| [column(b, [0, 1, 2]), column(b, [3, 4, 5]), column(b, [6, 7, 8])];
         let n = stencils.vertex_count();
         self.by_row.clear();
-        self.by_row.extend(blocks.iter().map(convert));
+        self.by_row.extend(blocks.iter().map(columns));
         self.by_column.clear();
-        self.by_column.extend(stencils.incoming.iter().map(|&slot| convert(&blocks[slot as usize])));
+        // The rows of a block are the columns of its transpose.
+        self.by_column.extend(stencils.incoming.iter().map(|&slot| rows(&blocks[slot as usize])));
         self.column_row.clear();
         self.column_row.extend(stencils.incoming.iter().map(|&slot| stencils.slot_row[slot as usize]));
         self.springs.clear();
-        self.springs.extend(springs.iter().map(|s| s.direction.map(R::of)));
+        self.springs.extend(springs.iter().map(|s| padded(&s.direction)));
         self.pulls.clear();
         self.pulls.resize(springs.len(), R::ZERO);
         self.inverse_diagonal.clear();
-        self.inverse_diagonal.extend(inverse_diagonal(stencils, blocks, springs, held).iter().map(|d| d.map(R::of)));
+        self.inverse_diagonal.extend(inverse_diagonal(stencils, blocks, springs, held).iter().map(padded));
         self.residual.clear();
-        self.residual.extend(right.iter().map(|r| r.map(R::of)));
-        self.residual[..held].iter_mut().for_each(|r| *r = [R::ZERO; 3]);
+        self.residual.extend(right.iter().map(padded));
+        self.residual[..held].iter_mut().for_each(|r| *r = [R::ZERO; 4]);
         for (list, length) in [(&mut self.x, n), (&mut self.product, n), (&mut self.rows, stencils.row_count())] {
             list.clear();
-            list.resize(length, [R::ZERO; 3]);
+            list.resize(length, [R::ZERO; 4]);
         }
     }
 
@@ -221,7 +259,7 @@ impl<R: Real> Gradients<R> {
             for (row, out) in (block * BLOCK..).zip(part) {
                 let mut sum = x[stencils.vertex[row] as usize];
                 for slot in stencils.slots(row) {
-                    sum = minus(sum, &blocks[slot], x[stencils.neighbour[slot] as usize]);
+                    sum = minus_columns(sum, &blocks[slot], x[stencils.neighbour[slot] as usize]);
                 }
                 *out = sum;
             }
@@ -230,7 +268,8 @@ impl<R: Real> Gradients<R> {
         self.pulls.par_chunks_mut(8 * BLOCK).enumerate().for_each(|(block, part)| {
             for (slot, out) in (block * 8 * BLOCK..).zip(part) {
                 let v = stencils.vertex[stencils.slot_row[slot] as usize];
-                *out = dot(springs[slot], sub(x[v as usize], x[stencils.neighbour[slot] as usize]));
+                let (x, y) = (x[v as usize], x[stencils.neighbour[slot] as usize]);
+                *out = dot_padded(springs[slot], add_padded(x, y, R::ZERO - R::ONE));
             }
         });
     }
@@ -241,17 +280,17 @@ impl<R: Real> Gradients<R> {
         self.product[held..].par_chunks_mut(BLOCK).enumerate().for_each(|(block, part)| {
             for (v, out) in (held + block * BLOCK..).zip(part) {
                 let own = stencils.row_of[v];
-                let mut sum = if own == NONE { [R::ZERO; 3] } else { y[own as usize] };
+                let mut sum = if own == NONE { [R::ZERO; 4] } else { y[own as usize] };
                 for k in stencils.incoming_start[v] as usize..stencils.incoming_start[v + 1] as usize {
-                    sum = minus_transposed(sum, &blocks[k], y[from[k] as usize]);
+                    sum = minus_columns(sum, &blocks[k], y[from[k] as usize]);
                 }
                 if !springs.is_empty() {
                     for &slot in stencils.incoming(v) {
-                        sum = add_scaled(sum, springs[slot as usize], R::ZERO - pulls[slot as usize]);
+                        sum = add_padded(sum, springs[slot as usize], R::ZERO - pulls[slot as usize]);
                     }
                     if own != NONE {
                         for slot in stencils.slots(own as usize) {
-                            sum = add_scaled(sum, springs[slot], pulls[slot]);
+                            sum = add_padded(sum, springs[slot], pulls[slot]);
                         }
                     }
                 }

@@ -19,7 +19,8 @@
 //!   `springs`, ours: lengths of edges
 //! - [`cascade`]: section 3.2, coarse to fine
 //! - [`gpu`]: the kernels
-//! - `blend`: section 4.3, averages of the encodings of several shapes
+//! - `blend`, `march`: section 4.3, averages of the encodings of several shapes, and the way to
+//!   the shapes they describe
 //! - [`measures`]: how far a shape is from another one, in neutral terms
 //!
 //! All arrays are flat and indexed by rows (encoded vertices) and slots (a neighbour of a row), as
@@ -44,6 +45,7 @@ pub mod gpu;
 pub mod gradients;
 #[doc(hidden)]
 pub mod hierarchy;
+mod march;
 #[doc(hidden)]
 pub mod measures;
 mod rings;
@@ -59,7 +61,7 @@ mod track;
 mod vector;
 mod weights;
 
-pub use blend::Blend;
+pub(crate) use blend::{Blend, Mix};
 pub use cascade::{DecodeReport, Quality};
 #[doc(hidden)]
 pub use cascade::{Decoder, LevelReport};
@@ -69,6 +71,8 @@ pub use encode::Encoding;
 #[doc(hidden)]
 pub use hierarchy::Hierarchy;
 pub use hierarchy::HierarchyOptions;
+pub use march::MarchQuality;
+pub(crate) use march::{Coarse, Marcher};
 #[doc(hidden)]
 pub use sequence::Played;
 pub use sequence::{Frame, SequenceQuality};

@@ -75,6 +75,39 @@ fn markers_set_a_body_walking() {
 }
 
 #[test]
+fn parts_of_a_clip_are_those_of_the_whole() {
+    let (f, _) = walk(12, |_, _, p| Some(p));
+    let command = "animate body.obj --motion walk.csv --markers m.json --reference 0 --format ply";
+    f.run(&format!("{command} -o whole")).succeeds();
+    f.run(&format!("{command} --range 5..8 -o part")).succeeds();
+    let names = |folder: &str| -> Vec<String> {
+        let entries = std::fs::read_dir(f.path(folder)).unwrap();
+        let mut names: Vec<String> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    };
+    assert_eq!(names("part"), ["frame_0005.ply", "frame_0006.ply", "frame_0007.ply"]);
+    let mut all = Vec::new();
+    for shard in 1..=3 {
+        f.run(&format!("{command} --shard {shard}/3 -o s{shard}")).succeeds();
+        all.extend(names(&format!("s{shard}")).into_iter().map(|name| format!("s{shard}/{name}")));
+    }
+    all.extend(names("part").into_iter().map(|name| format!("part/{name}")));
+    assert_eq!(all.len(), 15);
+    for name in all {
+        let whole = format!("whole/{}", name.split_once('/').unwrap().1);
+        assert!(f.bytes(&name) == f.bytes(&whole), "{name}");
+    }
+    f.run(&format!("{command} --range 5..8 --quality fine -o fine")).succeeds();
+    f.run(&format!("{command} --range 5..13 -o bad")).fails(2, &["range", "12 frames"]);
+    for wrong in ["--range 5..5", "--range 5", "--shard 0/3", "--shard 1/3 --range 0..1"] {
+        assert_eq!(f.run(&format!("{command} {wrong} -o bad")).code, Some(2), "{wrong}");
+    }
+    f.run(&format!("{command} --shard 1/13 -o bad")).fails(2, &["shard", "12 frames"]);
+    assert!(!f.path("bad").exists());
+}
+
+#[test]
 fn markers_that_stand_still_do_not_jitter_and_gaps_are_closed() {
     let (f, _) = walk(12, |frame, k, p| {
         // Marker 7 is hidden for a while, marker 9 from the beginning.

@@ -60,6 +60,19 @@ fn a_glb_holds_a_target_for_every_frame_and_an_animation() {
 }
 
 #[test]
+fn qualities_go_nearer_and_nearer_to_the_minimum() {
+    let (f, _, _) = balls();
+    let g = |quality: &str| {
+        f.run(&format!("morph a.obj b.obj -o {quality}.ply --weights 0.5,0.5 --quality {quality} --report r.json"))
+            .succeeds();
+        f.json("r.json")["frames"][0]["g"].as_f64().unwrap()
+    };
+    let [preview, default, converged] = ["preview", "default", "converged"].map(g);
+    assert!(converged <= default * (1.0 + 1e-9) && default <= preview * (1.0 + 1e-9) && converged > 0.0);
+    assert_eq!(f.run("morph a.obj b.obj -o bad.ply --weights 0.5,0.5 --quality best").code, Some(2));
+}
+
+#[test]
 fn a_mask_pastes_the_detail_of_one_mesh_onto_another() {
     let (f, a, b) = balls();
     let share = |p: &DVec3| (0.5 + 3.0 * p.y).clamp(0.0, 1.0);

@@ -18,6 +18,7 @@ use clap::ValueEnum;
 use glam::DVec3;
 use serde_json::json;
 
+use crate::batch::{Shard, shard};
 use crate::common::{Common, Session, Surface, check_outputs, usage};
 use crate::demo::from_rgba;
 use crate::model_file::{warn_of_loss, write_animation};
@@ -51,6 +52,13 @@ pub(crate) struct Arguments {
     /// Frames per second to make: every so manieth of the clip is taken
     #[arg(long, default_value_t = RATE)]
     rate: f64,
+    /// Only the frames A, A + 1, ... B - 1 of those that are made, counted from 0; with --quality
+    /// preview or default they are those of a whole run, to the last bit
+    #[arg(long, value_parser = range, value_name = "A..B", conflicts_with = "shard")]
+    range: Option<[usize; 2]>,
+    /// Only part I of N, counted from 1, of the frames that are made
+    #[arg(long, value_parser = shard, value_name = "I/N")]
+    shard: Option<Shard>,
     /// Longest gap that is interpolated, in seconds; over longer ones a marker moves with those
     /// around it
     #[arg(long, default_value_t = GapOptions::default().longest)]
@@ -111,6 +119,13 @@ fn reference(text: &str) -> std::result::Result<Reference, String> {
     text.parse().map(Reference::Frame).map_err(|_| format!("{text:?} is no pose: write a frame number or rest"))
 }
 
+fn range(text: &str) -> std::result::Result<[usize; 2], String> {
+    let number = |s: &str| s.trim().parse::<usize>().ok();
+    let ends = text.split_once("..").and_then(|(a, b)| Some([number(a)?, number(b)?]));
+    ends.filter(|[a, b]| a < b)
+        .ok_or_else(|| format!("{text:?} is no range: write 10..20 for the ten frames from 10 on"))
+}
+
 impl QualityName {
     fn quality(self, stiffness: f64) -> FrameQuality {
         match self {
@@ -155,6 +170,17 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     ));
     let step = (whole.rate / arguments.rate).round().max(1.0) as usize;
     let motion = whole.part(arguments.first, arguments.end.unwrap_or(usize::MAX), 1)?;
+    let total = motion.frames.len().div_ceil(step);
+    let part = match (arguments.range, arguments.shard) {
+        (Some([first, end]), _) => first..end,
+        (None, Some(shard)) => shard.part(total),
+        (None, None) => 0..total,
+    };
+    if part.is_empty() || part.end > total {
+        let (name, what) =
+            if arguments.shard.is_some() { ("--shard", "a part is empty") } else { ("--range", "too far") };
+        return Err(usage(name, what, &format!("There are {total} frames to make")));
+    }
     let options = AnimateOptions {
         quality: arguments.quality.quality(arguments.stiffness),
         gaps: GapOptions {
@@ -165,16 +191,17 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
             },
         },
         step,
+        part: [part.start, part.end],
     };
     if !glb {
         warn_of_loss(&session, surface.scene.as_deref(), &arguments.output);
     }
-    let count = motion.frames.len().div_ceil(step);
+    let count = part.len();
     let format = match arguments.format {
         FormatName::Obj => FrameFormat::Obj,
         FormatName::Ply => FrameFormat::Ply,
     };
-    let mut folder = (!glb).then(|| FrameFolder::create(&arguments.output, count, format)).transpose()?;
+    let mut folder = (!glb).then(|| FrameFolder::create(&arguments.output, total, part.start, format)).transpose()?;
     let wanted: Vec<usize> = (0..PICTURES.min(count)).map(|k| k * count / PICTURES.min(count)).collect();
     let (mut frames, mut placements, mut pictured) = (Vec::new(), Vec::new(), Vec::new());
     let clock = Instant::now();
@@ -188,7 +215,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
                 frames.push(local);
                 placements.push(placement);
             }
-            if arguments.sheet.is_some() && wanted.contains(&f) {
+            if arguments.sheet.is_some() && wanted.contains(&(f - part.start)) {
                 pictured.push(shape);
             }
             Ok(())
@@ -215,7 +242,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let written = match folder {
         Some(folder) => format!("{} files", folder.finish()?),
         None => {
-            let times: Vec<f32> = (0..count).map(|f| (f as f64 * step as f64 / motion.rate) as f32).collect();
+            let times: Vec<f32> = part.clone().map(|f| (f as f64 * step as f64 / motion.rate) as f32).collect();
             let form = match arguments.tolerance {
                 None => MorphForm::Auto,
                 Some(tolerance) if tolerance > 0.0 => MorphForm::Components { tolerance },

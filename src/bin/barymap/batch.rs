@@ -61,7 +61,7 @@ pub(crate) struct Shard {
     count: usize,
 }
 
-fn shard(text: &str) -> std::result::Result<Shard, String> {
+pub(crate) fn shard(text: &str) -> std::result::Result<Shard, String> {
     let wrong = || format!("{text:?} is no shard: write 1/4 for the first of four");
     let (i, n) = text.split_once('/').ok_or_else(wrong)?;
     let (i, n): (usize, usize) = (i.trim().parse().map_err(|_| wrong())?, n.trim().parse().map_err(|_| wrong())?);
@@ -72,6 +72,12 @@ fn shard(text: &str) -> std::result::Result<Shard, String> {
 }
 
 impl Shard {
+    /// Its share of so many frames, those that follow one another.
+    pub(crate) fn part(self, frames: usize) -> std::ops::Range<usize> {
+        let border = |k: usize| (k as u128 * frames as u128 / self.count as u128) as usize;
+        border(self.index)..border(self.index + 1)
+    }
+
     /// Its share of a list.
     fn of<T>(self, items: Vec<T>) -> Vec<T> {
         items.into_iter().skip(self.index).step_by(self.count).collect()
@@ -332,6 +338,10 @@ mod tests {
             assert_eq!(all, items);
         }
         assert_eq!(shard("2/4").unwrap().of(items), [1, 5, 9]);
+        for (n, frames) in [(1, 10), (3, 10), (7, 5), (4, 0)] {
+            let all: Vec<usize> = (1..=n).flat_map(|i| shard(&format!("{i}/{n}")).unwrap().part(frames)).collect();
+            assert!(all.into_iter().eq(0..frames), "{n} parts of {frames}");
+        }
         for bad in ["", "1", "0/4", "5/4", "1/0", "a/b", "-1/2", "1/2/3"] {
             assert!(shard(bad).is_err(), "{bad}");
         }

@@ -2,16 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use barymap::encoding::{DecodeReport, HierarchyOptions};
+use barymap::encoding::{DecodeReport, HierarchyOptions, MarchQuality};
 use barymap::geometry::Mesh;
 use barymap::geometry::weld::weld_alike;
 use barymap::io::{GlbAnimation, GltfScene, MorphForm, read_mask, read_vertex_list};
 use barymap::surface::AnchorPairs;
 use barymap::tools::animate::frames::{FrameFolder, FrameFormat};
 use barymap::tools::cage::pose;
-use barymap::tools::morph::{
-    CompatibleReport, FrameReport, FrameWatch, Morpher, QUALITY, compatible_mesh, without_normals,
-};
+use barymap::tools::morph::{CompatibleReport, FrameReport, FrameWatch, Morpher, compatible_mesh, without_normals};
 use barymap::{Error, Result};
 use clap::ValueEnum;
 use glam::DVec3;
@@ -51,6 +49,9 @@ pub(crate) struct Arguments {
     /// differ least if not given
     #[arg(long)]
     anchors: Option<PathBuf>,
+    /// How far the minimisation goes
+    #[arg(long, value_enum, default_value = "default")]
+    quality: QualityName,
     /// Format of the files in a folder
     #[arg(long, value_enum, default_value = "obj")]
     format: Format,
@@ -72,6 +73,29 @@ pub(crate) struct Arguments {
 enum Format {
     Obj,
     Ply,
+}
+
+/// Names of the qualities.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum QualityName {
+    /// Coarse stages solved, then vertex splits
+    Preview,
+    /// One direct step on the whole mesh; of several frames conjugate gradients
+    Default,
+    /// To the minimum
+    Converged,
+}
+
+impl QualityName {
+    /// For `count` in-betweens.
+    fn quality(self, count: usize) -> MarchQuality {
+        match self {
+            Self::Preview => MarchQuality::PREVIEW,
+            Self::Default if count > 1 => MarchQuality::FRAMES,
+            Self::Default => MarchQuality::DEFAULT,
+            Self::Converged => MarchQuality::CONVERGED,
+        }
+    }
 }
 
 /// Most frames of one run.
@@ -144,17 +168,22 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let mut target = match (file, glb) {
         (true, _) => Target::File(arguments.output.clone()),
         (_, true) => Target::Glb(Vec::new()),
-        _ => Target::Folder(FrameFolder::create(&arguments.output, count, format)?),
+        _ => Target::Folder(FrameFolder::create(&arguments.output, count, 0, format)?),
     };
     session.progress().stage("morphing", count as u64);
+    let quality = arguments.quality.quality(count);
     let watch = FrameWatch::new(&meshes[0]);
     let ends: Vec<f64> = meshes.iter().map(|m| watch.measure(&m.positions).volume).collect();
     let (mut told, mut measured): (Vec<Value>, Vec<FrameReport>) = (Vec::new(), Vec::new());
     let mut keep = |how: Value, positions: Vec<DVec3>, report: &DecodeReport| -> Result<()> {
         let g = report.levels.last().map_or(0.0, |l| l.after);
         let m = watch.measure(&positions);
+        let levels = report.levels.iter().map(|l| {
+            json!({"free": l.free, "iterations": l.iterations, "gradient_steps": l.gradient_steps, "before": l.before, "after": l.after})
+        });
+        let levels: Vec<Value> = levels.collect();
         told.push(json!({
-            "weights": how, "g": g, "iterations": report.iterations(), "volume": m.volume, "stretch_all": m.stretch_all,
+            "weights": how, "g": g, "iterations": report.iterations(), "levels": levels, "volume": m.volume, "stretch_all": m.stretch_all,
             "stretch_best95": m.stretch_best95, "inverted": m.inverted, "inverted_area": m.inverted_area,
         }));
         measured.push(m);
@@ -173,17 +202,14 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         Some(mask) => {
             let share = |k: usize| if count == 1 { 1.0 } else { k as f64 / (count - 1) as f64 };
             let times: Vec<f64> = (0..count).map(share).collect();
-            morpher.toward_mask(mask, &times, &QUALITY, |k, shape, report| keep(json!(times[k]), shape, &report))?;
+            morpher.toward_mask(mask, &times, &quality, |k, shape, report| keep(json!(times[k]), shape, &report))?;
         }
         None => {
             let all = match &arguments.weights {
                 Some(weights) => vec![weights.clone()],
                 None => path(meshes.len(), count),
             };
-            for weights in all {
-                let (positions, report) = morpher.shape(&weights, &QUALITY)?;
-                keep(json!(weights), positions, &report)?;
-            }
+            morpher.frames(&all, &quality, |k, shape, report| keep(json!(all[k]), shape, &report))?;
         }
     }
     session.watch.lap("morph");

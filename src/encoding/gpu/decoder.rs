@@ -82,12 +82,6 @@ impl DeviceStages {
         &self.notes
     }
 
-    /// Forgets what was uploaded, because coefficients changed.
-    pub(crate) fn forget(&mut self) {
-        self.splits = Part::Untried;
-        self.solvers.clear();
-    }
-
     /// Splits of some levels; `false` if the CPU must do them.
     pub(crate) fn split(&mut self, h: &Hierarchy, levels: Range<usize>, positions: &mut [V3<f64>]) -> Result<bool> {
         let Some(gpu) = self.engine.gpu_for(SPLIT_LEVEL.name) else { return Ok(false) };

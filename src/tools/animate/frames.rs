@@ -26,18 +26,20 @@ pub struct FrameFolder {
     folder: OutputFolder,
     format: FrameFormat,
     digits: usize,
+    first: usize,
     written: usize,
 }
 
 impl FrameFolder {
-    /// Begins a sequence of `count` frames at `place`, which must not exist or be an empty folder.
+    /// Begins a part of a sequence of `count` frames, from number `first` on, at `place`, which must
+    /// not exist or be an empty folder.
     ///
     /// # Errors
     /// [`Error::Io`] if it exists with content or its parent cannot be written.
-    pub fn create(place: impl AsRef<Path>, count: usize, format: FrameFormat) -> Result<Self> {
+    pub fn create(place: impl AsRef<Path>, count: usize, first: usize, format: FrameFormat) -> Result<Self> {
         let folder = OutputFolder::create(place)?;
         let digits = count.saturating_sub(1).max(1).to_string().len().max(4);
-        Ok(Self { folder, format, digits, written: 0 })
+        Ok(Self { folder, format, digits, first, written: 0 })
     }
 
     /// Writes the next frame: `mesh` with its vertices at `positions`.
@@ -46,7 +48,7 @@ impl FrameFolder {
     /// [`Error::Io`]; [`Error::Input`] if there are not as many positions as vertices.
     pub fn write(&mut self, mesh: &Mesh, positions: &[DVec3]) -> Result<()> {
         let moved = moved(mesh, positions)?;
-        let name = format!("frame_{:0digits$}", self.written, digits = self.digits);
+        let name = format!("frame_{:0digits$}", self.first + self.written, digits = self.digits);
         match self.format {
             FrameFormat::Obj => write_obj(&moved, self.folder.path().join(name + ".obj"))?,
             FrameFormat::Ply => write_ply(&moved, None, self.folder.path().join(name + ".ply"))?,
@@ -155,7 +157,7 @@ mod tests {
         let place = dir.path().join("out");
         let mesh = tetrahedron();
         for format in [FrameFormat::Obj, FrameFormat::Ply] {
-            let mut folder = FrameFolder::create(&place, 3, format).unwrap();
+            let mut folder = FrameFolder::create(&place, 3, 0, format).unwrap();
             for f in 0..3 {
                 folder.write(&mesh, &mesh.positions.iter().map(|p| *p * f64::from(f + 1)).collect::<Vec<_>>()).unwrap();
                 assert!(!place.join("frame_0000.obj").exists() && !place.join("frame_0000.ply").exists());
@@ -166,16 +168,16 @@ mod tests {
             let last = read_mesh(place.join(format!("frame_0002.{extension}"))).unwrap().mesh;
             assert_eq!(last.positions[1], DVec3::X * 3.0);
             // What is there is not overwritten.
-            assert!(FrameFolder::create(&place, 3, format).unwrap_err().to_string().contains("not empty"));
+            assert!(FrameFolder::create(&place, 3, 0, format).unwrap_err().to_string().contains("not empty"));
             std::fs::remove_dir_all(&place).unwrap();
             std::fs::create_dir(&place).unwrap();
         }
         // Given up: nothing is left.
-        let mut folder = FrameFolder::create(&place, 3, FrameFormat::Ply).unwrap();
+        let mut folder = FrameFolder::create(&place, 3, 0, FrameFormat::Ply).unwrap();
         folder.write(&mesh, &mesh.positions).unwrap();
         drop(folder);
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
-        assert!(FrameFolder::create(dir.path().join("no/out"), 3, FrameFormat::Ply).is_err());
+        assert!(FrameFolder::create(dir.path().join("no/out"), 3, 0, FrameFormat::Ply).is_err());
     }
 
     #[test]

@@ -37,7 +37,8 @@ pub enum FrameQuality {
     /// As a sequence: the shape in the large is followed, the rest is made afresh for each frame.
     /// Tens of frames a second.
     Sequence(SequenceQuality),
-    /// Each frame by itself, begun from the one before: a few frames a second.
+    /// Each frame by itself, begun from the one before: a few frames a second. The first of a part
+    /// begins from the mesh at rest, so that a part is not that of the whole to the last bit.
     Single(Quality),
 }
 
@@ -50,11 +51,18 @@ pub struct AnimateOptions {
     pub gaps: GapOptions,
     /// Every so manieth frame is made, at least 1. Gaps are closed in all.
     pub step: usize,
+    /// The first of these that is made, and the one after the last: a part of the clip.
+    pub part: [usize; 2],
 }
 
 impl Default for AnimateOptions {
     fn default() -> Self {
-        Self { quality: FrameQuality::Sequence(SequenceQuality::DEFAULT), gaps: GapOptions::default(), step: 1 }
+        Self {
+            quality: FrameQuality::Sequence(SequenceQuality::DEFAULT),
+            gaps: GapOptions::default(),
+            step: 1,
+            part: [0, usize::MAX],
+        }
     }
 }
 
@@ -71,7 +79,8 @@ pub struct AnimateReport {
 }
 
 /// Plays `motion`, a part of the clip `bound` that `binding` was made with, on `mesh`; `frame`
-/// receives the frames in order and may end the work with an error.
+/// receives the frames of the part in order, numbered as in the whole, and may end the work with an
+/// error.
 ///
 /// The first frame begins from the mesh at rest. Markers that stay where they were give the shape
 /// of the frame before, bit for bit.
@@ -96,9 +105,11 @@ pub fn animate(
     let mut deformer = Deformer::new(mesh, handles, &HierarchyOptions::default(), cache)?;
     let warnings = binding.warnings.iter().chain(&deformer.warnings).cloned().collect();
     let mut report = AnimateReport { gaps, found_anew: Vec::new(), warnings };
-    progress.stage("frames", targets.len() as u64);
+    let [first, end] = options.part;
+    let part = first.min(targets.len())..end.min(targets.len());
+    progress.stage("frames", part.len() as u64);
     match &options.quality {
-        FrameQuality::Sequence(quality) => deformer.play(&targets, quality, |f, played| {
+        FrameQuality::Sequence(quality) => deformer.play(&targets, part, quality, |f, played| {
             if played.anew {
                 report.found_anew.push(f);
             }
@@ -106,8 +117,8 @@ pub fn animate(
             frame(f, played.positions)
         })?,
         FrameQuality::Single(quality) => {
-            for (f, positions) in targets.iter().enumerate() {
-                frame(f, deformer.deform(positions, quality, f > 0)?.positions)?;
+            for f in part.clone() {
+                frame(f, deformer.deform(&targets[f], quality, f > part.start)?.positions)?;
                 progress.advance(1);
             }
         }

@@ -6,11 +6,11 @@
 
 use glam::DVec3;
 
-use crate::encoding::HierarchyOptions;
+use crate::encoding::{HierarchyOptions, MarchQuality};
 use crate::error::{Error, Result};
 use crate::geometry::Mesh;
 use crate::mapping::space::{Cage, VertexPath};
-use crate::tools::morph::{Morpher, QUALITY};
+use crate::tools::morph::Morpher;
 
 /// In-betweens that are decoded; between them the path is a Catmull-Rom curve.
 const FRAMES: usize = 64;
@@ -41,7 +41,7 @@ impl Encoded {
         let mut frames = vec![cage.source.clone()];
         for k in 1..FRAMES {
             let t = k as f64 / FRAMES as f64;
-            let (positions, _) = morpher.shape(&[1.0 - t, t], &QUALITY)?;
+            let (positions, _) = morpher.shape(&[1.0 - t, t], &MarchQuality::CONVERGED)?;
             if positions.iter().any(|p| !p.is_finite()) {
                 return Err(Error::numeric(format!("no finite in-between at t = {t}"), "Take the linear path"));
             }

@@ -8,6 +8,7 @@ pub(super) mod normals;
 mod request;
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use glam::DVec3;
 
@@ -158,27 +159,29 @@ impl Deformer {
     }
 
     /// Plays frames of handle positions, as [`Deformer::deform`] takes them, in order; `sink`
-    /// receives each and may end the work with an error.
+    /// receives those numbered `wanted` and may end the work with an error.
     ///
     /// Much cheaper than as many calls of [`Deformer::deform`], and smooth in time; see
     /// [`SequenceQuality`]. Handles that stay where they were give the shape of the frame before,
-    /// bit for bit; the number of threads changes nothing.
+    /// bit for bit; the number of threads changes nothing, nor does it which frames are wanted.
     ///
     /// # Errors
     /// As [`Deformer::deform`]; what `sink` returns.
     pub fn play(
         &self,
         frames: &[Vec<DVec3>],
+        wanted: Range<usize>,
         quality: &SequenceQuality,
         mut sink: impl FnMut(usize, PlayedFrame) -> Result<()>,
     ) -> Result<()> {
+        let frames = &frames[..wanted.end.min(frames.len())];
         let posed: Vec<Posed> = frames.iter().map(|f| self.posed(f)).collect::<Result<_>>()?;
         let component = self.components();
         let start = |f: usize, v: usize, p: V3<f64>| -> V3<f64> {
             posed[f].starts[component[v] as usize].apply(DVec3::from(p)).to_array()
         };
         let list: Vec<Frame<'_>> = posed.iter().map(|p| Frame { held: &p.held, scale: p.scale }).collect();
-        self.decoder.play(&list, start, quality, |f, played| {
+        self.decoder.play(&list, wanted, start, quality, |f, played| {
             let positions = self.place(&posed[f], &played.positions);
             sink(f, PlayedFrame { positions, anew: played.anew && f > 0 })
         })

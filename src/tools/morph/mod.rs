@@ -3,38 +3,37 @@
 //! ([`compatible_mesh`]).
 //!
 //! In-betweens turn where a blend of positions would shrink. They are reached in small steps from
-//! an input, each beginning where the one before ended, so that no step can jump to a folded shape.
+//! an input (`encoding::march`); those of one path are finished in parallel.
 
 mod anchors;
 mod compatible;
 mod frame;
+mod goal;
 mod untangle;
 
 use glam::DVec3;
+use rayon::prelude::*;
 
-use crate::encoding::{
-    Blend, Connectivity, DecodeReport, Decoder, Hierarchy, HierarchyOptions, Quality, Similarity, V3,
-};
+use crate::encoding::{Blend, Connectivity, DecodeReport, Hierarchy, HierarchyOptions, MarchQuality, Marcher, Mix, V3};
 use crate::error::{Error, Result};
 use crate::geometry::{Corner, Frame, Mesh, NONE};
 
 use anchors::Anchors;
 pub use compatible::{Compatible, CompatibleReport, LONG, compatible_mesh};
 pub use frame::{FrameReport, FrameWatch};
+use goal::{Goal, Mask, Reached};
 
 /// Largest change of a weight in one step.
 const STEP: f64 = 1.0 / 16.0;
 
-/// The quality for in-betweens: converged, and with edges kept near the averages of their lengths.
-/// Averages of encodings belong to no shape, and without that the size of an in-between drifts
-/// along slender parts.
-pub const QUALITY: Quality = Quality { stiffness: 100.0, ..Quality::CONVERGED };
+/// In-betweens that are finished at once. A fixed number bounds the memory.
+const BLOCK: usize = 8;
 
 /// Blends a list of shapes.
 #[derive(Debug)]
 pub struct Morpher {
     first: Mesh,
-    decoder: Decoder,
+    marcher: Marcher,
     blend: Blend,
     anchors: Anchors,
     /// As given; vertices outside the hierarchy are blended linearly.
@@ -44,6 +43,7 @@ pub struct Morpher {
     /// The same vertex in all shapes.
     centres: Vec<DVec3>,
     diagonal: f64,
+    /// Where the march stands; infinite where it is at no blend.
     weights: Vec<f64>,
     /// What is odd but no error, a sentence each.
     pub warnings: Vec<String>,
@@ -102,13 +102,13 @@ impl Morpher {
             let what = "rings have no area in some shape: their detail is the first shape's";
             warnings.push(format!("{} {what}", blend.borrowed));
         }
-        let mut decoder = Decoder::new(hierarchy, &locals[0]);
-        decoder.set_last(Some(shapes[0].clone()));
+        let mut marcher = Marcher::new(hierarchy)?;
+        marcher.begin(&shapes[0]);
         let mut weights = vec![0.0; meshes.len()];
         weights[0] = 1.0;
         Ok(Self {
             first: (*first).clone(),
-            decoder,
+            marcher,
             blend,
             anchors,
             originals: meshes.iter().map(|m| m.positions.clone()).collect(),
@@ -136,39 +136,26 @@ impl Morpher {
     /// # Errors
     /// [`Error::Option`] for weights that do not fit; [`Error::Numeric`] if no finite shape was
     /// found.
-    pub fn shape(&mut self, weights: &[f64], quality: &Quality) -> Result<(Vec<DVec3>, DecodeReport)> {
+    pub fn shape(&mut self, weights: &[f64], quality: &MarchQuality) -> Result<(Vec<DVec3>, DecodeReport)> {
         self.check(weights)?;
-        if let Some(only) = weights.iter().position(|&w| w == 1.0) {
-            // Not decoded, but as given, to the last bit.
-            self.weights = weights.to_vec();
-            self.decoder.set_last(Some(self.shapes[only].clone()));
-            return Ok((self.originals[only].clone(), DecodeReport::default()));
-        }
-        let (corner, weight) =
-            weights.iter().enumerate().fold((0, f64::MIN), |b, (k, &w)| if w > b.1 { (k, w) } else { b });
-        let far = self.weights.iter().zip(weights).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        if 1.0 - weight < far {
-            self.weights = (0..weights.len()).map(|k| if k == corner { 1.0 } else { 0.0 }).collect();
-            self.decoder.set_last(Some(self.shapes[corner].clone()));
-        }
-        let from = self.weights.clone();
-        let far = from.iter().zip(weights).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        let steps = (far / STEP).ceil().max(1.0) as usize;
-        let mut report = DecodeReport::default();
-        let mut decoded = Vec::new();
-        for step in 1..=steps {
-            let s = step as f64 / steps as f64;
-            let here: Vec<f64> = if step == steps {
-                weights.to_vec()
-            } else {
-                from.iter().zip(weights).map(|(a, b)| a + s * (b - a)).collect()
-            };
-            let blend = &self.blend;
-            self.decoder.change_encoding(|h| blend.write(h, |_| &here));
-            (decoded, report) = self.solve(&here, quality)?;
-        }
-        self.weights = weights.to_vec();
-        Ok((self.place(&decoded, weights, |_| weights), report))
+        let reached = self.reach(weights, quality)?;
+        self.complete(reached, quality)
+    }
+
+    /// The shapes at each of `path`, as [`Morpher::shape`] makes them in this order. The finer
+    /// stages of several in-betweens are solved at once. `sink` receives the shapes in order and may
+    /// end the work with an error.
+    ///
+    /// # Errors
+    /// As [`Morpher::shape`]; what `sink` returns.
+    pub fn frames(
+        &mut self,
+        path: &[Vec<f64>],
+        quality: &MarchQuality,
+        sink: impl FnMut(usize, Vec<DVec3>, DecodeReport) -> Result<()>,
+    ) -> Result<()> {
+        path.iter().try_for_each(|weights| self.check(weights))?;
+        self.in_blocks(path, |morpher, weights| morpher.reach(weights, quality), quality, sink)
     }
 
     /// The shape with weights of its own at every vertex: `weights` holds one an input, vertex by
@@ -176,7 +163,7 @@ impl Morpher {
     ///
     /// # Errors
     /// As [`Morpher::shape`].
-    pub fn masked(&mut self, weights: &[f64], quality: &Quality) -> Result<(Vec<DVec3>, DecodeReport)> {
+    pub fn masked(&mut self, weights: &[f64], quality: &MarchQuality) -> Result<(Vec<DVec3>, DecodeReport)> {
         let mut result = None;
         self.toward_mask(weights, &[1.0], quality, |_, shape, report| {
             result = Some((shape, report));
@@ -195,8 +182,8 @@ impl Morpher {
         &mut self,
         weights: &[f64],
         times: &[f64],
-        quality: &Quality,
-        mut sink: impl FnMut(usize, Vec<DVec3>, DecodeReport) -> Result<()>,
+        quality: &MarchQuality,
+        sink: impl FnMut(usize, Vec<DVec3>, DecodeReport) -> Result<()>,
     ) -> Result<()> {
         let k = self.shapes.len();
         let n = self.originals[0].len();
@@ -205,45 +192,89 @@ impl Morpher {
             return Err(Error::option("weights", what, "Give one a mesh for every vertex"));
         }
         weights.chunks_exact(k).try_for_each(|w| self.check(w))?;
-        let order = &self.decoder.hierarchy().order;
-        let numbered: Vec<f64> = order.iter().flat_map(|&v| &weights[v as usize * k..][..k]).copied().collect();
-        let mut mean = vec![0.0; k];
-        for &v in &self.anchors.held {
-            mean.iter_mut().zip(&weights[v as usize * k..][..k]).for_each(|(m, w)| *m += w);
-        }
-        let total: f64 = mean.iter().sum();
-        mean.iter_mut().for_each(|m| *m /= total);
-        // From the shape that rules at the anchors, in steps.
-        let corner = (0..k).fold(0, |b, i| if mean[i] > mean[b] { i } else { b });
-        self.decoder.set_last(Some(self.shapes[corner].clone()));
+        let mask = Mask::new(self, weights);
+        self.marcher.begin(&self.shapes[mask.corner]);
         // The next call of `shape` begins at an input.
         self.weights = vec![f64::INFINITY; k];
         let mut before = 0.0;
-        for (f, &time) in times.iter().enumerate() {
+        let reach = |morpher: &mut Self, &time: &f64| {
             let steps = ((time - before) / STEP).ceil().max(1.0) as usize;
-            let mut last = (Vec::new(), DecodeReport::default());
-            let (mut here, mut at) = (Vec::new(), mean.clone());
-            for step in 1..=steps {
-                let s = if step == steps { time } else { before + (time - before) * step as f64 / steps as f64 };
-                let toward = |i: usize, w: f64| {
-                    if s == 1.0 { w } else { s * w + if i == corner { 1.0 - s } else { 0.0 } }
-                };
-                here = numbered.iter().enumerate().map(|(i, &w)| toward(i % k, w)).collect();
-                at = mean.iter().enumerate().map(|(i, &w)| toward(i, w)).collect();
-                let blend = &self.blend;
-                self.decoder.change_encoding(|h| blend.write(h, |v| &here[v as usize * k..][..k]));
-                last = self.solve(&at, quality)?;
-            }
+            let at =
+                |step: usize| if step == steps { time } else { before + (time - before) * step as f64 / steps as f64 };
+            let goals = (0..steps).map(|step| mask.goal(at(step + 1)));
+            let reached = morpher.march(goals, quality);
             before = time;
-            let numbers = self.decoder.hierarchy().numbers(n);
-            let weight = |v: usize| match numbers[v] {
-                NONE => &weights[v * k..][..k],
-                number => &here[number as usize * k..][..k],
-            };
-            let shape = self.place(&last.0, &at, weight);
-            sink(f, shape, last.1)?;
+            reached
+        };
+        self.in_blocks(times, reach, quality, sink)
+    }
+
+    /// Follows the path `frames` and finishes its in-betweens block by block.
+    fn in_blocks<T>(
+        &mut self,
+        frames: &[T],
+        mut reach: impl FnMut(&mut Self, &T) -> Result<Reached>,
+        quality: &MarchQuality,
+        mut sink: impl FnMut(usize, Vec<DVec3>, DecodeReport) -> Result<()>,
+    ) -> Result<()> {
+        for (block, part) in frames.chunks(BLOCK).enumerate() {
+            let reached: Vec<Reached> = part.iter().map(|frame| reach(self, frame)).collect::<Result<_>>()?;
+            let whole: &Self = self;
+            let done: Vec<_> = reached.into_par_iter().map(|r| whole.complete(r, quality)).collect::<Result<_>>()?;
+            for (k, (shape, report)) in done.into_iter().enumerate() {
+                sink(block * BLOCK + k, shape, report)?;
+            }
         }
         Ok(())
+    }
+
+    /// The coarse stage at `weights`, reached from where it is or from the nearest input.
+    fn reach(&mut self, weights: &[f64], quality: &MarchQuality) -> Result<Reached> {
+        let (corner, weight) =
+            weights.iter().enumerate().fold((0, f64::MIN), |b, (k, &w)| if w > b.1 { (k, w) } else { b });
+        let far = self.weights.iter().zip(weights).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        if 1.0 - weight < far || weight == 1.0 {
+            self.weights = (0..weights.len()).map(|k| if k == corner { 1.0 } else { 0.0 }).collect();
+            self.marcher.begin(&self.shapes[corner]);
+        }
+        if weight == 1.0 {
+            // Not decoded, but as given, to the last bit.
+            return Ok(Reached::Input(corner));
+        }
+        let from = std::mem::replace(&mut self.weights, weights.to_vec());
+        let far = from.iter().zip(weights).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let steps = (far / STEP).ceil().max(1.0) as usize;
+        let goals = (0..steps).map(|step| {
+            let step = step + 1;
+            let s = step as f64 / steps as f64;
+            let between = || from.iter().zip(weights).map(|(a, b)| a + s * (b - a)).collect();
+            Goal { mean: if step == steps { weights.to_vec() } else { between() }, each: Vec::new() }
+        });
+        self.march(goals, quality)
+    }
+
+    /// Follows the coarse stage through `goals`.
+    fn march(&mut self, goals: impl ExactSizeIterator<Item = Goal>, quality: &MarchQuality) -> Result<Reached> {
+        let (mut left, mut reached) = (goals.len(), None);
+        for goal in goals {
+            left -= 1;
+            let held = self.anchors.blended(&self.shapes, self.marcher.hierarchy().held, &goal.mean);
+            let mix = self.blend.mix(self.marcher.hierarchy(), self.marcher.stages(false), |v| goal.at(v));
+            let coarse = self.marcher.follow(&held, &mix, quality, left == 0)?;
+            reached = Some(Reached::Between(Box::new((goal, coarse))));
+        }
+        reached.ok_or_else(|| Error::numeric("the march has no steps", "Use fewer meshes"))
+    }
+
+    /// The whole mesh of what was reached, in the meshes' units.
+    fn complete(&self, reached: Reached, quality: &MarchQuality) -> Result<(Vec<DVec3>, DecodeReport)> {
+        let (goal, coarse) = match reached {
+            Reached::Input(only) => return Ok((self.originals[only].clone(), DecodeReport::default())),
+            Reached::Between(between) => *between,
+        };
+        let mix: Mix = self.blend.mix(self.marcher.hierarchy(), self.marcher.stages(true), |v| goal.at(v));
+        let (decoded, report) = self.marcher.finish(coarse, &mix, quality)?;
+        Ok((self.place(&decoded, &goal), report))
     }
 
     fn check(&self, weights: &[f64]) -> Result<()> {
@@ -258,28 +289,20 @@ impl Morpher {
         Ok(())
     }
 
-    fn solve(&mut self, weights: &[f64], quality: &Quality) -> Result<(Vec<V3<f64>>, DecodeReport)> {
-        let hierarchy = self.decoder.hierarchy();
-        let held = self.anchors.blended(&self.shapes, hierarchy.held, weights);
-        let pairs: Vec<(DVec3, DVec3)> =
-            self.shapes[0].iter().zip(&held).map(|(&a, &b)| (a.into(), b.into())).collect();
-        let fit = Similarity::fit(&pairs);
-        let start = |_: usize, p: V3<f64>| fit.apply(DVec3::from(p)).to_array();
-        // The lengths are blended as they are, at the shapes' own size.
-        self.decoder.decode(&held, start, 1.0, quality, true)
-    }
-
-    /// Decoded positions in the meshes' units, `at` being the weights of the shapes' places;
-    /// vertices the hierarchy does not have are blended linearly.
-    fn place<'w>(&self, decoded: &[V3<f64>], at: &[f64], weights: impl Fn(usize) -> &'w [f64]) -> Vec<DVec3> {
+    /// Decoded positions in the meshes' units; vertices that the hierarchy does not have are blended
+    /// linearly.
+    fn place(&self, decoded: &[V3<f64>], goal: &Goal) -> Vec<DVec3> {
         let shared = self.centres[0];
-        let centre = shared + self.centres.iter().zip(at).map(|(c, &w)| (*c - shared) * w).sum::<DVec3>();
+        let centre = shared + self.centres.iter().zip(&goal.mean).map(|(c, &w)| (*c - shared) * w).sum::<DVec3>();
+        let numbers = self.marcher.hierarchy().order.len();
         let mut result: Vec<DVec3> = (0..self.originals[0].len())
             .map(|v| {
-                self.originals.iter().zip(weights(v)).map(|(o, &w)| if w == 0.0 { DVec3::ZERO } else { o[v] * w }).sum()
+                // Weights of vertices without a number come after those that have one.
+                let weights = goal.at((numbers + v) as u32);
+                self.originals.iter().zip(weights).map(|(o, &w)| if w == 0.0 { DVec3::ZERO } else { o[v] * w }).sum()
             })
             .collect();
-        for (&v, &p) in self.decoder.hierarchy().order.iter().zip(decoded) {
+        for (&v, &p) in self.marcher.hierarchy().order.iter().zip(decoded) {
             result[v as usize] = DVec3::from(p) * self.diagonal + centre;
         }
         self.first.spread_positions(&mut result, |_| false);

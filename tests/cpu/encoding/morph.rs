@@ -2,11 +2,14 @@
 
 use std::f64::consts::TAU;
 
-use barymap::encoding::Quality;
+use barymap::encoding::MarchQuality;
 use barymap::geometry::Mesh;
 use barymap::models::shapes::lobed_sphere;
-use barymap::tools::morph::{Morpher, QUALITY};
+use barymap::tools::morph::Morpher;
 use glam::{DQuat, DVec3};
+
+/// Without a stiffness.
+const SOFT: MarchQuality = MarchQuality { stiffness: 0.0, ..MarchQuality::CONVERGED };
 
 /// A slender closed tube of diagonal about one, and its image under `place`, which takes the
 /// distance along it (0 to 1) and the offset.
@@ -57,7 +60,7 @@ fn distance(a: &[DVec3], b: &Mesh) -> f64 {
     a.iter().zip(&b.positions).map(|(p, q)| p.distance(*q)).fold(0.0, f64::max)
 }
 
-fn march(a: &Mesh, b: &Mesh, quality: &Quality, between: impl Fn(f64) -> Mesh) -> Vec<f64> {
+fn march(a: &Mesh, b: &Mesh, quality: &MarchQuality, between: impl Fn(f64) -> Mesh) -> Vec<f64> {
     let mut morpher = Morpher::new(&[a, b], None, &Default::default()).unwrap();
     [0.0, 0.25, 0.5, 0.75, 1.0]
         .map(|t| {
@@ -70,7 +73,7 @@ fn march(a: &Mesh, b: &Mesh, quality: &Quality, between: impl Fn(f64) -> Mesh) -
 
 #[test]
 fn a_bend_of_180_is_half_a_bend_in_the_middle() {
-    let d = march(&bent(0.0), &bent(180.0), &QUALITY, |t| bent(180.0 * t));
+    let d = march(&bent(0.0), &bent(180.0), &MarchQuality::CONVERGED, |t| bent(180.0 * t));
     println!("{d:?}");
     assert!(d[0] < 1e-12 && d[4] < 1e-9, "{d:?}");
     assert!(d[1..4].iter().all(|d| *d < 0.01), "{d:?}");
@@ -78,8 +81,8 @@ fn a_bend_of_180_is_half_a_bend_in_the_middle() {
 
 #[test]
 fn full_bends_and_half_twists_stay_near_the_arc() {
-    let bend = march(&bent(0.0), &bent(360.0), &QUALITY, |t| bent(360.0 * t));
-    let twist = march(&twisted(0.0), &twisted(180.0), &QUALITY, |t| twisted(180.0 * t));
+    let bend = march(&bent(0.0), &bent(360.0), &MarchQuality::CONVERGED, |t| bent(360.0 * t));
+    let twist = march(&twisted(0.0), &twisted(180.0), &MarchQuality::CONVERGED, |t| twisted(180.0 * t));
     println!("{bend:?}\n{twist:?}");
     for d in [bend, twist] {
         assert!(d[0] < 1e-12 && d[4] < 1e-9, "{d:?}");
@@ -90,7 +93,7 @@ fn full_bends_and_half_twists_stay_near_the_arc() {
 #[test]
 fn a_full_twist_is_better_than_a_blend_of_positions() {
     let (a, b) = (twisted(0.0), twisted(360.0));
-    let d = march(&a, &b, &QUALITY, |t| twisted(360.0 * t));
+    let d = march(&a, &b, &MarchQuality::CONVERGED, |t| twisted(360.0 * t));
     println!("{d:?}");
     assert!(d[0] < 1e-12 && d[4] < 1e-9, "{d:?}");
     for (k, t) in [(1, 0.25), (2, 0.5), (3, 0.75)] {
@@ -107,7 +110,7 @@ fn turns_beyond_a_whole_one_go_by_a_key() {
     let borrowed: Vec<&Mesh> = keys.iter().collect();
     let mut morpher = Morpher::new(&borrowed, None, &Default::default()).unwrap();
     for (weights, degrees) in [([0.5, 0.5, 0.0], 135.0), ([0.0, 1.0, 0.0], 270.0), ([0.0, 0.5, 0.5], 405.0)] {
-        let (shape, _) = morpher.shape(&weights, &QUALITY).unwrap();
+        let (shape, _) = morpher.shape(&weights, &MarchQuality::CONVERGED).unwrap();
         let off = distance(&shape, &twisted(degrees));
         println!("{degrees}: {off}");
         assert!(off < 0.05, "{degrees}: {off}");
@@ -121,14 +124,14 @@ fn masks_and_several_shapes() {
     let mut morpher = Morpher::new(&borrowed, None, &Default::default()).unwrap();
     for k in 0..3 {
         let weights: Vec<f64> = (0..3).map(|i| if i == k { 1.0 } else { 0.0 }).collect();
-        assert!(distance(&morpher.shape(&weights, &Quality::CONVERGED).unwrap().0, &shapes[k]) < 1e-9);
+        assert!(distance(&morpher.shape(&weights, &SOFT).unwrap().0, &shapes[k]) < 1e-9);
     }
-    let (mixed, _) = morpher.shape(&[0.25, 0.5, 0.25], &Quality::CONVERGED).unwrap();
+    let (mixed, _) = morpher.shape(&[0.25, 0.5, 0.25], &SOFT).unwrap();
     assert!(distance(&mixed, &shapes[1]) < 0.1, "{}", distance(&mixed, &shapes[1]));
     // A mask that says "the third" everywhere is the third.
     let n = shapes[0].vertex_count();
     let all: Vec<f64> = (0..n).flat_map(|_| [0.0, 0.0, 1.0]).collect();
-    assert!(distance(&morpher.masked(&all, &Quality::CONVERGED).unwrap().0, &shapes[2]) < 1e-9);
+    assert!(distance(&morpher.masked(&all, &SOFT).unwrap().0, &shapes[2]) < 1e-9);
     let half: Vec<f64> = shapes[0]
         .positions
         .iter()
@@ -137,7 +140,7 @@ fn masks_and_several_shapes() {
             [1.0 - s, 0.0, s]
         })
         .collect();
-    let (pasted, report) = morpher.masked(&half, &Quality::CONVERGED).unwrap();
+    let (pasted, report) = morpher.masked(&half, &SOFT).unwrap();
     assert!(pasted.iter().all(|p| p.is_finite()) && !report.levels.is_empty());
 }
 
@@ -156,6 +159,37 @@ fn meshes_and_weights_that_do_not_fit_are_told() {
     assert!(message(&[&a, &flipped], None).contains("triangle 7"));
     let mut morpher = Morpher::new(&[&a, &a], None, &Default::default()).unwrap();
     for weights in [&[1.0][..], &[0.5, 0.6], &[-0.5, 1.5], &[f64::NAN, 1.0]] {
-        assert!(morpher.shape(weights, &Quality::DEFAULT).is_err(), "{weights:?}");
+        assert!(morpher.shape(weights, &MarchQuality::DEFAULT).is_err(), "{weights:?}");
     }
+}
+
+#[test]
+fn frames_are_shapes_one_after_another_on_any_number_of_threads() {
+    let (a, b) = (bent(0.0), bent(180.0));
+    let path: Vec<Vec<f64>> = (0..11).map(|k| vec![1.0 - f64::from(k) / 10.0, f64::from(k) / 10.0]).collect();
+    let morpher = || Morpher::new(&[&a, &b], None, &Default::default()).unwrap();
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let mut frames = Vec::new();
+        let keep = |k: usize, shape: Vec<DVec3>, _| {
+            assert_eq!(k, frames.len());
+            frames.push(shape);
+            Ok(())
+        };
+        pool.install(|| morpher().frames(&path, &MarchQuality::FRAMES, keep)).unwrap();
+        frames
+    };
+    let frames = on(2);
+    assert!(frames == on(1) && frames[0] == a.positions && frames[10] == b.positions);
+    let mut one = morpher();
+    for (weights, frame) in path.iter().zip(&frames) {
+        assert!(one.shape(weights, &MarchQuality::FRAMES).unwrap().0 == *frame, "{weights:?}");
+    }
+    // A sink ends the work.
+    let mut seen = 0;
+    let stop = |_: usize, _: Vec<DVec3>, _| {
+        seen += 1;
+        if seen == 3 { Err(barymap::Error::input("enough", "None")) } else { Ok(()) }
+    };
+    assert!(morpher().frames(&path, &MarchQuality::FRAMES, stop).is_err() && seen == 3);
 }
