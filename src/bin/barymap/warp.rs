@@ -152,6 +152,13 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     report["mapped"] = json!(s.mapped);
     report["empty"] = json!(s.empty);
     report["failed"] = json!({"inside": s.failed_inside, "outside": s.failed_outside});
+    let e = s.evaluations;
+    report["evaluations"] = json!({
+        "squares": e.squares,
+        "pixels": e.pixels,
+        "refined": e.refined,
+        "per_pixel": (e.squares + e.pixels) as f64 / s.pixels as f64,
+    });
     report["memory"] = json!(s.memory);
     report["seconds_per_frame"] = json!(seconds / frames.list.len() as f64);
     if arguments.frames.is_some() {

@@ -8,6 +8,7 @@ use super::composite::{CompositeMap, Mapped, matrix};
 use super::map_points::{map_points, map_points_on_cpu, map_points_with_derivatives};
 use crate::engine::{Backend, Engine, Lanes};
 use crate::error::{Error, Result};
+use crate::geometry::Polygon;
 
 /// A 2 x 2 matrix, row by row.
 type Rows<R> = [[R; 2]; 2];
@@ -38,20 +39,29 @@ impl CompositeMap {
     pub fn forward_points(&self, engine: &Engine, points: &[DVec2]) -> Result<Vec<Mapped>> {
         let (first, last) = (self.frame(0), self.frame(self.step_count()));
         if engine.backend() == Backend::Reference {
-            let mut at: Vec<[f64; 2]> = points.iter().map(|p| first.local(*p)).collect();
-            let mut derivatives = vec![[[1.0, 0.0], [0.0, 1.0]]; at.len()];
-            map_points_on_cpu(Lanes::detect(), self.steps(), &mut at, Some(&mut derivatives));
-            return Ok(at
-                .into_iter()
-                .zip(derivatives)
-                .map(|(q, d)| Mapped { point: last.world(q), derivative: matrix(d) })
-                .collect());
+            return Ok(self.forward_in_double(points));
         }
         let mut at: Vec<[f32; 2]> = points.iter().map(|p| first.local(*p)).collect();
         let mut derivatives = vec![[[0.0; 2]; 2]; at.len()];
         map_points_with_derivatives(engine, self.single_steps(), &mut at, &mut derivatives)?;
         let mapped = |(q, d): ([f32; 2], Rows<f32>)| Mapped { point: last.world(q), derivative: wide(d) };
         Ok(at.into_iter().zip(derivatives).map(mapped).collect())
+    }
+
+    /// The images of many points, with derivatives, in double precision on the CPU.
+    pub(crate) fn forward_in_double(&self, points: &[DVec2]) -> Vec<Mapped> {
+        let (first, last) = (self.frame(0), self.frame(self.step_count()));
+        let mut at: Vec<[f64; 2]> = points.iter().map(|p| first.local(*p)).collect();
+        let mut derivatives = vec![[[1.0, 0.0], [0.0, 1.0]]; at.len()];
+        map_points_on_cpu(Lanes::detect(), self.steps(), &mut at, Some(&mut derivatives));
+        let mapped = |(q, d)| Mapped { point: last.world(q), derivative: matrix(d) };
+        at.into_iter().zip(derivatives).map(mapped).collect()
+    }
+
+    /// Most error of an exact pre-image times the derivative there, in the units of the polygons:
+    /// 4.8e-7 of the size of the largest.
+    pub(crate) fn tolerance(&self) -> f64 {
+        TOLERANCE * self.polygons().iter().map(Polygon::size).fold(0.0, f64::max)
     }
 
     /// The images of many points without derivatives: [`CompositeMap::forward_points`] at half the
@@ -103,12 +113,26 @@ impl CompositeMap {
         points: &[DVec2],
         guess: Option<&[DVec2]>,
     ) -> Result<Vec<Option<Mapped>>> {
+        Ok(self.inverse_points_counted(engine, points, guess)?.0)
+    }
+
+    /// As [`CompositeMap::inverse_points`]; and how many of the points the step in double precision
+    /// did not finish, which [`CompositeMap::refine`] did.
+    ///
+    /// # Errors
+    /// As there.
+    pub(crate) fn inverse_points_counted(
+        &self,
+        engine: &Engine,
+        points: &[DVec2],
+        guess: Option<&[DVec2]>,
+    ) -> Result<(Vec<Option<Mapped>>, u64)> {
         if guess.is_some_and(|g| g.len() != points.len()) {
             return Err(Error::input("there is not one guess for every point", "Give as many guesses as points"));
         }
         if engine.backend() == Backend::Reference {
             let one = |i: usize| guess.map_or_else(|| self.inverse(points[i]), |g| self.refine(points[i], g[i]));
-            return Ok((0..points.len()).into_par_iter().map(one).collect());
+            return Ok(((0..points.len()).into_par_iter().map(one).collect(), points.len() as u64));
         }
         let from_back;
         let guess = match guess {
@@ -140,11 +164,11 @@ impl CompositeMap {
             }
             active.retain(|&i| found[i].correction > SETTLED && found[i].correction.is_finite());
         }
-        self.finish(points, &found)
+        Ok(self.finish(points, &found))
     }
 
     /// The step in double precision, and the points that need more.
-    fn finish(&self, points: &[DVec2], found: &[Newton]) -> Result<Vec<Option<Mapped>>> {
+    fn finish(&self, points: &[DVec2], found: &[Newton]) -> (Vec<Option<Mapped>>, u64) {
         let (first, last) = (self.frame(0), self.frame(self.step_count()));
         let mut at: Vec<[f64; 2]> =
             found.iter().map(|n| if n.correction <= SETTLED { n.at } else { [0.0; 2] }).collect();
@@ -158,16 +182,19 @@ impl CompositeMap {
                 // With the derivative kept, errors fall by the ratio of successive corrections.
                 let left = n.correction * f64::min(1.0, n.correction / before.max(f64::MIN_POSITIVE));
                 if SAFETY * left * norm(n.derivative) <= TOLERANCE {
-                    return Some(Mapped { point: first.world(n.at), derivative: n.derivative });
+                    return (Some(Mapped { point: first.world(n.at), derivative: n.derivative }), 0);
                 }
             }
             if !q.is_finite() {
-                return None;
+                return (None, 0);
             }
             let start = first.world(n.at);
-            if n.correction <= SETTLED && start.is_finite() { self.refine(q, start) } else { self.inverse(q) }
+            let settled = n.correction <= SETTLED && start.is_finite();
+            (if settled { self.refine(q, start) } else { self.inverse(q) }, 1)
         };
-        Ok((0..points.len()).into_par_iter().map(one).collect())
+        let all: Vec<(Option<Mapped>, u64)> = (0..points.len()).into_par_iter().map(one).collect();
+        let left = all.iter().map(|(_, left)| left).sum();
+        (all.into_iter().map(|(found, _)| found).collect(), left)
     }
 }
 

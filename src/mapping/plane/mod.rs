@@ -21,6 +21,7 @@ mod minimum;
 mod outline;
 pub mod partition;
 mod passes;
+mod patches;
 pub mod path;
 mod preimage;
 #[cfg(test)]
@@ -58,6 +59,8 @@ pub use minimum::{Minimum, MinimumKind, SampleOptions};
 #[doc(hidden)]
 pub use partition::partition_with;
 pub use partition::{Partition, PartitionKind, PartitionOptions, StepReport, partition};
+#[doc(hidden)]
+pub use patches::{Found, Leaf, NOWHERE, Open, Patch, PatchOptions, Patches, Solved};
 #[doc(hidden)]
 pub use path::vertex_path;
 pub use path::{PathKind, VertexPath};

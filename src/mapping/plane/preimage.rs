@@ -10,7 +10,7 @@ const BAND: usize = 16;
 
 /// Pixels whose centre lies this far outside a triangle still belong to it, so that none is lost
 /// between neighbours to rounding.
-const SLACK: f64 = 1e-6;
+pub(super) const SLACK: f64 = 1e-6;
 
 /// Approximate pre-images of the pixel centres of a window of the canvas, row by row.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,7 +52,10 @@ impl Preimages {
                     let corner = DVec2::new(0.5, 0.5 + (band * BAND) as f64) + origin;
                     let image = t.map(|v| lattice.images[v as usize] - corner);
                     let source = t.map(|v| lattice.points[v as usize]);
-                    fill(image, source, width, points, covered);
+                    fill(image, source, width, points.len(), |i, here| {
+                        points[i] = here.as_vec2().to_array();
+                        covered[i] = true;
+                    });
                 }
             },
         );
@@ -60,9 +63,9 @@ impl Preimages {
     }
 }
 
-/// The pixels of some rows inside one triangle; its images are relative to the centre of the first
-/// of them.
-fn fill(q: [DVec2; 3], p: [DVec2; 3], width: usize, points: &mut [[f32; 2]], covered: &mut [bool]) {
+/// The pixels of some rows inside one triangle, `count` in all; its images are relative to the
+/// centre of the first of them. `set` takes the number of a pixel and its pre-image.
+pub(super) fn fill(q: [DVec2; 3], p: [DVec2; 3], width: usize, count: usize, mut set: impl FnMut(usize, DVec2)) {
     let twice = (q[1] - q[0]).perp_dot(q[2] - q[0]);
     if !(twice.abs() > f64::MIN_POSITIVE && twice.is_finite()) {
         return;
@@ -72,7 +75,7 @@ fn fill(q: [DVec2; 3], p: [DVec2; 3], width: usize, points: &mut [[f32; 2]], cov
     let (d1, d2) = (p[1] - p[0], p[2] - p[0]);
     let a = (d1 * e2.y - d2 * e1.y) / twice;
     let b = (d2 * e1.x - d1 * e2.x) / twice;
-    let rows = points.len() / width.max(1);
+    let rows = count / width.max(1);
     let (low, high) = (q[0].y.min(q[1].y).min(q[2].y) - SLACK, q[0].y.max(q[1].y).max(q[2].y) + SLACK);
     let last = high.floor().min(rows as f64 - 1.0);
     let mut y = low.ceil().max(0.0);
@@ -98,12 +101,8 @@ fn fill(q: [DVec2; 3], p: [DVec2; 3], width: usize, points: &mut [[f32; 2]], cov
             let (first, end) = (first as usize, end as usize);
             let start = p[0] + a * (first as f64 - q[0].x) + b * (y - q[0].y);
             let at = y as usize * width;
-            for (k, (point, seen)) in
-                points[at + first..=at + end].iter_mut().zip(&mut covered[at + first..=at + end]).enumerate()
-            {
-                let here = start + a * k as f64;
-                *point = [here.x as f32, here.y as f32];
-                *seen = true;
+            for (k, i) in (at + first..=at + end).enumerate() {
+                set(i, start + a * k as f64);
             }
         }
         y += 1.0;

@@ -1,3 +1,5 @@
+use glam::DVec2;
+
 use super::*;
 use crate::geometry::Polygon;
 use crate::mapping::plane::Coordinates;
@@ -189,4 +191,29 @@ fn sides_beyond_the_limits_of_others() {
     for x in [5, 6, 20_000, 32_767, 32_768, 39_999] {
         assert!((out.get(x, 6, 0) - image.get(x - 5, 6, 0)).abs() < 2.5 / 255.0, "{x}");
     }
+}
+
+#[test]
+fn polynomials_show_what_the_map_itself_shows() {
+    // A map that does not fold, so that every pixel has one pre-image.
+    let pair = crate::models::polygons::square_corner(0.3);
+    let at = |t: f64| {
+        let (a, b) = (pair.source.vertices(), pair.target.vertices());
+        let place = |(a, b): (DVec2, DVec2)| a.lerp(b, t) * 280.0 + DVec2::new(20.0, 10.0);
+        Polygon::from_loops(vec![a.zip(b).map(place).collect()])
+    };
+    let map = CompositeMap::new(Coordinates::MeanValue, (0..=6).map(|k| at(f64::from(k) / 6.0)).collect()).unwrap();
+    let image = pattern(320, 300, 3, Depth::U8);
+    let found = warp(&image, &map, &WarpOptions { jacobian: true, ..Default::default() });
+    let options = WarpOptions { jacobian: true, ..Default::default() };
+    let truth = warp_picture(&Engine::reference(), &image, &map, &options, &Quiet).unwrap();
+    let (Pixels::U8(a), Pixels::U8(b)) = (&found.image.pixels, &truth.image.pixels) else { panic!("other depth") };
+    assert!(a.iter().zip(b).all(|(a, b)| a.abs_diff(*b) <= 1));
+    assert!(a.iter().zip(b).filter(|(a, b)| a != b).count() < a.len() / 500);
+    let (mine, exact) = (found.jacobian.unwrap(), truth.jacobian.unwrap());
+    let off = |(a, b): (&f32, &f32)| if b.is_nan() { 0.0 } else { (a - b).abs() / b.abs().max(1.0) };
+    assert!(mine.iter().zip(&exact).map(off).fold(0.0, f32::max) < 5e-3);
+    assert_eq!((found.stats.failed_inside, found.stats.mapped), (0, truth.stats.mapped));
+    let (few, all) = (found.stats.evaluations, truth.stats.evaluations);
+    assert!(few.pixels * 4 < all.pixels && all.pixels >= truth.stats.mapped && few.squares == all.squares);
 }

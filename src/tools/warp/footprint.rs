@@ -58,16 +58,50 @@ impl Footprints {
     /// # Panics
     /// If there is no such pixel.
     pub fn set(&mut self, i: usize, footprint: Footprint) {
-        let Footprint { at, dx, dy, cover } = footprint;
-        (self.x[i], self.y[i], self.cover[i]) = (at[0], at[1], cover);
-        if let Some(derivative) = self.derivatives.get_mut(i) {
-            *derivative = [dx, dy];
-        }
+        let Self { x, y, cover, derivatives } = self;
+        Setter { x, y, cover, derivatives }.set(i, footprint);
+    }
+
+    /// Runs of pixels one after another, of these lengths, to be set side by side.
+    pub(super) fn parts(&mut self, lengths: impl Iterator<Item = usize>) -> Vec<Setter<'_>> {
+        let (mut x, mut y, mut cover) = (self.x.as_mut_slice(), self.y.as_mut_slice(), self.cover.as_mut_slice());
+        let mut derivatives = self.derivatives.as_mut_slice();
+        let wanted = !derivatives.is_empty();
+        let part = |n: usize| {
+            let own = if wanted { n } else { 0 };
+            Setter {
+                x: x.split_off_mut(..n).unwrap_or_default(),
+                y: y.split_off_mut(..n).unwrap_or_default(),
+                cover: cover.split_off_mut(..n).unwrap_or_default(),
+                derivatives: derivatives.split_off_mut(..own).unwrap_or_default(),
+            }
+        };
+        lengths.map(part).collect()
     }
 
     /// All pixels.
     pub fn seen(&self) -> Seen<'_> {
         Seen { x: &self.x, y: &self.y, cover: &self.cover, derivatives: &self.derivatives }
+    }
+}
+
+/// A run of [`Footprints`] that are set.
+pub(super) struct Setter<'a> {
+    x: &'a mut [f32],
+    y: &'a mut [f32],
+    pub(super) cover: &'a mut [f32],
+    derivatives: &'a mut [[[f32; 2]; 2]],
+}
+
+impl Setter<'_> {
+    /// See [`Footprints::set`].
+    #[inline(always)]
+    pub(super) fn set(&mut self, i: usize, footprint: Footprint) {
+        let Footprint { at, dx, dy, cover } = footprint;
+        (self.x[i], self.y[i], self.cover[i]) = (at[0], at[1], cover);
+        if let Some(derivative) = self.derivatives.get_mut(i) {
+            *derivative = [dx, dy];
+        }
     }
 }
 

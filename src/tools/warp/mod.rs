@@ -37,7 +37,10 @@ pub mod store;
 mod direct;
 mod driver;
 mod interpolate;
+mod sight;
 
+#[doc(hidden)]
+pub use driver::Evaluations;
 pub use driver::{LARGEST_SIDE, WarpOptions, WarpOutput, WarpStats, warp_picture};
 pub use filter::Filter;
 pub use placement::Placement;

@@ -1,0 +1,180 @@
+//! Which pixels lie in which square, and where.
+
+use glam::{DVec2, UVec2};
+use rayon::prelude::*;
+
+use super::solve::{Run, Solved};
+use super::{Leaf, Open, Patch, Patches};
+use crate::engine::Lanes;
+use crate::mapping::plane::preimage::{self, SLACK};
+
+/// Rows that one task fills.
+const BAND: usize = 16;
+
+/// No square.
+pub const NOWHERE: u32 = u32::MAX;
+
+/// Pre-images of the pixel centres of some rows, row by row.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Found {
+    /// The leaf that each pixel lies in, or [`NOWHERE`].
+    pub leaf: Vec<u32>,
+    /// Its place there; in open leaves a start, without derivatives.
+    pub solved: Vec<Solved>,
+}
+
+impl Found {
+    /// `count` pixels that lie nowhere.
+    pub fn none(&mut self, count: usize) {
+        self.leaf.clear();
+        self.leaf.resize(count, NOWHERE);
+        self.solved.resize(count, UNSOLVED);
+    }
+}
+
+/// Some rows of it.
+struct Rows<'a> {
+    leaf: &'a mut [u32],
+    solved: &'a mut [Solved],
+    width: usize,
+    /// The row of the canvas that the first is.
+    first: f64,
+}
+
+const UNSOLVED: Solved = Solved { at: [0.0; 2], dx: [0.0; 2], dy: [0.0; 2] };
+
+impl Patches {
+    /// The pre-images of `rows` rows of `width` pixels from row `first` of the canvas on, into
+    /// `found`.
+    ///
+    /// Where squares overlap, as they do where a map folds, the later one is taken. O(pixels +
+    /// squares), parallel over rows.
+    pub fn find(&self, first: usize, size: UVec2, found: &mut Found) {
+        let (width, height) = (size.x as usize, size.y as usize);
+        found.none(width * height);
+        let mut bands = vec![Vec::new(); height.div_ceil(BAND)];
+        for (i, leaf) in self.leaves.iter().enumerate() {
+            let rows = match leaf {
+                Leaf::Bounded(patch) => patch.rows(),
+                Leaf::Open(open) => open.rows(),
+            };
+            let [low, high] = rows.map(|y| y - first as f64 - 0.5);
+            // Casts saturate, and turn NaN into 0.
+            let (low, high) = (low.floor().max(0.0) as usize, high.ceil());
+            if high >= 0.0 && low < height {
+                let last = (high as usize).min(height - 1);
+                bands[low / BAND..=last / BAND].iter_mut().for_each(|b| b.push(i as u32));
+            }
+        }
+        let rows = BAND * width.max(1);
+        let parts = found.leaf.par_chunks_mut(rows).zip(found.solved.par_chunks_mut(rows));
+        parts.zip(bands).enumerate().for_each(|(band, ((leaf, solved), leaves))| {
+            let mut rows = Rows { leaf, solved, width, first: (first + band * BAND) as f64 };
+            for i in &leaves {
+                match &self.leaves[*i as usize] {
+                    Leaf::Bounded(patch) => rows.exact(*i, patch),
+                    Leaf::Open(open) => rows.triangles(*i, open),
+                }
+            }
+            for i in &leaves {
+                if let Leaf::Open(open) = &self.leaves[*i as usize] {
+                    rows.around(*i, open);
+                }
+            }
+        });
+    }
+}
+
+impl Rows<'_> {
+    fn height(&self) -> usize {
+        self.leaf.len() / self.width.max(1)
+    }
+
+    /// The pixels of a patch.
+    fn exact(&mut self, index: u32, patch: &Patch) {
+        let lanes = Lanes::detect();
+        let [low, high] = patch.rows().map(|y| y - self.first - 0.5);
+        let last = high.floor().min(self.height() as f64 - 1.0);
+        let mut y = low.ceil().max(0.0);
+        while y <= last {
+            let row = self.first + y + 0.5;
+            if let Some(columns) = patch.columns(row) {
+                let [from, to] = columns.map(|x| x - 0.5);
+                let (from, to) = (from.ceil().max(0.0), to.floor().min(self.width as f64 - 1.0));
+                if from <= to {
+                    let start = y as usize * self.width + from as usize;
+                    let count = (to - from) as usize + 1;
+                    let (leaf, solved) = (&mut *self.leaf, &mut *self.solved);
+                    let found = |k: usize, s: Solved| {
+                        leaf[start + k] = index;
+                        solved[start + k] = s;
+                    };
+                    let from = (DVec2::new(from + 0.5, row) - patch.image).as_vec2().to_array();
+                    lanes.run(Run { patch, from, count, found });
+                }
+            }
+            y += 1.0;
+        }
+    }
+
+    /// The pixels of an open square: linear in the triangles around its centre.
+    fn triangles(&mut self, index: u32, open: &Open) {
+        const RING: [usize; 8] = [0, 1, 2, 5, 8, 7, 6, 3];
+        let corner = DVec2::new(0.5, 0.5 + self.first);
+        let place = |k: usize| DVec2::new((k % 3) as f64 - 1.0, (k / 3) as f64 - 1.0);
+        for k in 0..8 {
+            let nodes = [4, RING[k], RING[(k + 1) % 8]];
+            let (leaf, solved) = (&mut *self.leaf, &mut *self.solved);
+            let count = leaf.len();
+            preimage::fill(nodes.map(|n| open.images[n] - corner), nodes.map(place), self.width, count, |i, at| {
+                leaf[i] = index;
+                solved[i] = Solved { at: at.as_vec2().to_array(), ..UNSOLVED };
+            });
+        }
+    }
+
+    /// The pixels next to an open square that no square has: they lie between its straight sides
+    /// and the curves that they stand for.
+    fn around(&mut self, index: u32, open: &Open) {
+        let Some([low, high]) = open.surroundings() else { return };
+        let [low, high] = [low, high].map(|p| p - DVec2::new(0.5, 0.5 + self.first));
+        let last = high.min(DVec2::new(self.width as f64, self.height() as f64) - 1.0);
+        let first = low.ceil().max(DVec2::ZERO);
+        if !first.cmple(last).all() {
+            return;
+        }
+        for y in first.y as usize..=last.y as usize {
+            for i in y * self.width + first.x as usize..=y * self.width + last.x as usize {
+                if self.leaf[i] == super::NOWHERE {
+                    self.leaf[i] = index;
+                    self.solved[i] = UNSOLVED;
+                }
+            }
+        }
+    }
+}
+
+/// An open square that shows larger than this is one of a map that is not a number, or of no
+/// interest.
+const LARGEST: f64 = 256.0;
+
+impl Open {
+    fn bounds(&self) -> [DVec2; 2] {
+        self.images.iter().fold([self.images[0]; 2], |[a, b], p| [a.min(*p), b.max(*p)])
+    }
+
+    fn rows(&self) -> [f64; 2] {
+        let [low, high] = self.bounds().map(|p| p.y);
+        match self.surroundings() {
+            Some([a, b]) => [a.y, b.y],
+            None => [low - SLACK, high + SLACK],
+        }
+    }
+
+    /// What is less than a quarter of its size away; at least a pixel.
+    fn surroundings(&self) -> Option<[DVec2; 2]> {
+        let [low, high] = self.bounds();
+        let reach = DVec2::splat(0.25 * (high - low).max_element() + 1.0);
+        (self.images.iter().all(|p| p.is_finite()) && reach.x <= LARGEST).then_some([low - reach, high + reach])
+    }
+}
