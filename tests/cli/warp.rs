@@ -118,6 +118,36 @@ fn sequences_begin_with_the_picture_itself() {
 }
 
 #[test]
+fn parts_of_a_sequence_are_frames_of_the_whole() {
+    let f = folder();
+    f.run(&format!("{WARP} --frames 7")).succeeds();
+    let name = |k: u32| format!("o_{k:04}.png");
+    let whole: Vec<Vec<u8>> = (0..7).map(|k| f.bytes(&name(k))).collect();
+    let clear = || (0..7).for_each(|k| drop(std::fs::remove_file(f.path(&name(k)))));
+    let kept = |words: &str, wanted: &[u32]| {
+        clear();
+        f.run(&format!("{WARP} --frames 7 {words} --report r.json")).succeeds();
+        for k in 0..7 {
+            assert_eq!(f.path(&name(k)).exists(), wanted.contains(&k), "{words} {k}");
+            assert!(!wanted.contains(&k) || f.bytes(&name(k)) == whole[k as usize], "{words} {k}");
+        }
+        assert_eq!(f.json("r.json")["frames"].as_array().unwrap().len(), wanted.len());
+    };
+    kept("--range 2..4", &[2, 3]);
+    kept("--range 5..", &[5, 6]);
+    kept("--shard 2/3", &[1, 4]);
+    kept("--range ..5 --shard 1/2", &[0, 2, 4]);
+    f.run(&format!("{WARP} --frames 7 --range 5..9")).fails(2, &["--range"]);
+    f.run(&format!("{WARP} --frames 7 --shard 9/9")).fails(2, &["--shard"]);
+    assert_eq!(f.run(&format!("{WARP} --range 1..2")).code, Some(2), "a range of what");
+    // What is done stays: the third frame cannot be written.
+    clear();
+    std::fs::create_dir(f.path(&name(2))).unwrap();
+    f.run(&format!("{WARP} --frames 7 --range 0..5")).fails(1, &[&name(2)]);
+    assert!(f.bytes(&name(0)) == whole[0] && f.bytes(&name(1)) == whole[1] && !f.path(&name(3)).exists());
+}
+
+#[test]
 fn every_filter_gives_the_same_bytes_for_any_number_of_threads() {
     let f = folder();
     for filter in ["ewa", "bilinear", "lanczos", "lanczos4"] {

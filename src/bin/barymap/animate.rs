@@ -18,10 +18,10 @@ use clap::ValueEnum;
 use glam::DVec3;
 use serde_json::json;
 
-use crate::batch::{Shard, shard};
 use crate::common::{Common, Session, Surface, check_outputs, usage};
 use crate::demo::from_rgba;
 use crate::model_file::{warn_of_loss, write_animation};
+use crate::shard::{Part, Shard, part, shard};
 
 /// Frames per second that are written unless others are asked for.
 const RATE: f64 = 30.0;
@@ -54,8 +54,8 @@ pub(crate) struct Arguments {
     rate: f64,
     /// Only the frames A, A + 1, ... B - 1 of those that are made, counted from 0; with --quality
     /// preview or default they are those of a whole run, to the last bit
-    #[arg(long, value_parser = range, value_name = "A..B", conflicts_with = "shard")]
-    range: Option<[usize; 2]>,
+    #[arg(long, value_parser = part, value_name = "A..B", conflicts_with = "shard")]
+    range: Option<Part>,
     /// Only part I of N, counted from 1, of the frames that are made
     #[arg(long, value_parser = shard, value_name = "I/N")]
     shard: Option<Shard>,
@@ -119,13 +119,6 @@ fn reference(text: &str) -> std::result::Result<Reference, String> {
     text.parse().map(Reference::Frame).map_err(|_| format!("{text:?} is no pose: write a frame number or rest"))
 }
 
-fn range(text: &str) -> std::result::Result<[usize; 2], String> {
-    let number = |s: &str| s.trim().parse::<usize>().ok();
-    let ends = text.split_once("..").and_then(|(a, b)| Some([number(a)?, number(b)?]));
-    ends.filter(|[a, b]| a < b)
-        .ok_or_else(|| format!("{text:?} is no range: write 10..20 for the ten frames from 10 on"))
-}
-
 impl QualityName {
     fn quality(self, stiffness: f64) -> FrameQuality {
         match self {
@@ -172,13 +165,15 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let motion = whole.part(arguments.first, arguments.end.unwrap_or(usize::MAX), 1)?;
     let total = motion.frames.len().div_ceil(step);
     let part = match (arguments.range, arguments.shard) {
-        (Some([first, end]), _) => first..end,
+        (Some(range), _) => range.of(total).unwrap_or_default(),
         (None, Some(shard)) => shard.part(total),
         (None, None) => 0..total,
     };
-    if part.is_empty() || part.end > total {
-        let (name, what) =
-            if arguments.shard.is_some() { ("--shard", "a part is empty") } else { ("--range", "too far") };
+    if part.is_empty() {
+        let (name, what) = match arguments.shard {
+            Some(_) => ("--shard", "a part is empty"),
+            None => ("--range", "it reaches beyond the clip"),
+        };
         return Err(usage(name, what, &format!("There are {total} frames to make")));
     }
     let options = AnimateOptions {

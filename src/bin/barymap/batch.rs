@@ -15,6 +15,7 @@ use crate::common::{Common, EmbeddingArguments, Session, Surface, anchor_pairs, 
 use crate::interrupt;
 use crate::layer_kinds::LayerKinds;
 use crate::method::MethodArguments;
+use crate::shard::{Shard, shard};
 use crate::transfer::{self, Job, Look, add, require_texcoords, target_charts};
 use crate::unwrap::Charts;
 
@@ -52,36 +53,6 @@ pub(crate) struct Arguments {
     charts: Charts,
     #[command(flatten)]
     embedding: EmbeddingArguments,
-}
-
-/// Part `index` (from 0) of `count`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Shard {
-    index: usize,
-    count: usize,
-}
-
-pub(crate) fn shard(text: &str) -> std::result::Result<Shard, String> {
-    let wrong = || format!("{text:?} is no shard: write 1/4 for the first of four");
-    let (i, n) = text.split_once('/').ok_or_else(wrong)?;
-    let (i, n): (usize, usize) = (i.trim().parse().map_err(|_| wrong())?, n.trim().parse().map_err(|_| wrong())?);
-    if i == 0 || i > n {
-        return Err(format!("{text:?} is no shard: they are counted from 1/{n} to {n}/{n}"));
-    }
-    Ok(Shard { index: i - 1, count: n })
-}
-
-impl Shard {
-    /// Its share of so many frames, those that follow one another.
-    pub(crate) fn part(self, frames: usize) -> std::ops::Range<usize> {
-        let border = |k: usize| (k as u128 * frames as u128 / self.count as u128) as usize;
-        border(self.index)..border(self.index + 1)
-    }
-
-    /// Its share of a list.
-    fn of<T>(self, items: Vec<T>) -> Vec<T> {
-        items.into_iter().skip(self.index).step_by(self.count).collect()
-    }
 }
 
 /// What became of an item.
@@ -327,25 +298,6 @@ fn report(session: &Session<'_>, rows: &[(&str, Outcome, f64)]) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn shards_part_a_list() {
-        let items: Vec<u32> = (0..11).collect();
-        for n in 1..=13 {
-            let mut all: Vec<u32> =
-                (1..=n).flat_map(|i| shard(&format!("{i}/{n}")).unwrap().of(items.clone())).collect();
-            all.sort_unstable();
-            assert_eq!(all, items);
-        }
-        assert_eq!(shard("2/4").unwrap().of(items), [1, 5, 9]);
-        for (n, frames) in [(1, 10), (3, 10), (7, 5), (4, 0)] {
-            let all: Vec<usize> = (1..=n).flat_map(|i| shard(&format!("{i}/{n}")).unwrap().part(frames)).collect();
-            assert!(all.into_iter().eq(0..frames), "{n} parts of {frames}");
-        }
-        for bad in ["", "1", "0/4", "5/4", "1/0", "a/b", "-1/2", "1/2/3"] {
-            assert!(shard(bad).is_err(), "{bad}");
-        }
-    }
 
     #[test]
     fn layers_keep_their_names() {

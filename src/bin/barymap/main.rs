@@ -26,6 +26,7 @@ mod progress_bar;
 mod remesh;
 mod render;
 mod rig;
+mod shard;
 mod shell;
 mod spline;
 mod transfer;

@@ -19,6 +19,7 @@ use serde_json::{Value, json};
 use crate::cage_map::{CageMap, CoordinatesName, MappingArguments};
 use crate::common::{Common, Session, check_outputs, size, usage};
 use crate::pictures::Quality;
+use crate::shard::{Part, Shard, part, shard};
 
 /// Most frames of a sequence.
 const MOST_FRAMES: u32 = 100_000;
@@ -51,6 +52,14 @@ pub(crate) struct Arguments {
     /// together at the end
     #[arg(long)]
     frames: Option<u32>,
+    /// Only these frames of the sequence, counted from 0 as their files are: A..B without B, A.. or
+    /// ..B; each is written when it is done
+    #[arg(long, requires = "frames", value_parser = part, value_name = "A..B")]
+    range: Option<Part>,
+    /// Only the frames I, I + N, I + 2 N ... of the sequence or its range, counted from 1; each is
+    /// written when it is done
+    #[arg(long, requires = "frames", value_parser = shard, value_name = "I/N")]
+    shard: Option<Shard>,
     /// Write a picture of the Jacobian, with its scale
     #[arg(long)]
     heatmap: Option<PathBuf>,
@@ -83,7 +92,8 @@ enum OutsideName {
 }
 
 pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
-    let outputs = outputs(arguments)?;
+    let chosen = chosen(arguments)?;
+    let outputs: Vec<PathBuf> = chosen.iter().map(|(_, output)| output.clone()).collect();
     let more = [&arguments.heatmap, &arguments.grid, &arguments.overlay];
     let pictures = || outputs.iter().chain(more.iter().copied().flatten()).map(PathBuf::as_path);
     pictures().try_for_each(barymap::io::image_file::check_image_extension)?;
@@ -96,10 +106,12 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let (made, units) = CageMap::new(&mut session, &arguments.mapping)?;
     made.refuse_folds(&session, "warp")?;
     let options = options(&session, arguments, &image, units.unwrap_or(CageUnits::Pixel));
-    // Frames appear together, when the last one is done.
-    let first = outputs.first().filter(|_| arguments.frames.is_some());
+    // The frames of a whole sequence appear together, when the last one is done; those of a part
+    // one by one.
+    let whole = arguments.range.is_none() && arguments.shard.is_none();
+    let first = outputs.first().filter(|_| arguments.frames.is_some() && whole);
     let mut sequence = first.map(OutputSet::beside).transpose()?;
-    let frames = Frames::new(&session, &made, outputs)?;
+    let frames = Frames::new(&session, &made, chosen)?;
     let (mut stats, mut seconds) = (Vec::new(), 0.0);
     let mut last: Option<WarpOutput> = None;
     // The frame whose notes stand for those of all.
@@ -175,15 +187,29 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// The pictures that are written: one, or one for each frame.
-fn outputs(arguments: &Arguments) -> Result<Vec<PathBuf>> {
-    let Some(count) = arguments.frames else { return Ok(vec![arguments.output.clone()]) };
+/// The pictures that are written, with their times: one, or one for each frame that was asked for.
+fn chosen(arguments: &Arguments) -> Result<Vec<(f64, PathBuf)>> {
+    let Some(count) = arguments.frames else { return Ok(vec![(1.0, arguments.output.clone())]) };
     if !(1..=MOST_FRAMES).contains(&count) {
         return Err(usage("--frames", &format!("{count} frames"), &format!("Give 1 to {MOST_FRAMES}")));
     }
+    let all = 0..count as usize;
+    let Some(range) = arguments.range.map_or(Some(all), |part| part.of(count as usize)) else {
+        return Err(usage("--range", "it reaches beyond the sequence", &format!("Give frames of 0..{count}")));
+    };
     let stem = arguments.output.file_stem().unwrap_or_default().to_string_lossy();
     let extension = arguments.output.extension().unwrap_or_default().to_string_lossy();
-    Ok((0..count).map(|k| arguments.output.with_file_name(format!("{stem}_{k:04}.{extension}"))).collect())
+    let times = times(count);
+    let frame = |k: usize| (times[k], arguments.output.with_file_name(format!("{stem}_{k:04}.{extension}")));
+    let frames: Vec<(f64, PathBuf)> = range.map(frame).collect();
+    let frames = match arguments.shard {
+        Some(shard) => shard.of(frames),
+        None => frames,
+    };
+    if frames.is_empty() {
+        return Err(usage("--shard", "it has no frame", "Use no more shards than there are frames"));
+    }
+    Ok(frames)
 }
 
 fn options(session: &Session<'_>, arguments: &Arguments, image: &Image, units: CageUnits) -> WarpOptions {
@@ -234,10 +260,10 @@ struct Frames {
 impl Frames {
     /// The maps of all frames; those that are cut off within a step are tested for folds of their
     /// own.
-    fn new(session: &Session<'_>, made: &CageMap, outputs: Vec<PathBuf>) -> Result<Self> {
+    fn new(session: &Session<'_>, made: &CageMap, chosen: Vec<(f64, PathBuf)>) -> Result<Self> {
         let mut list = Vec::new();
         let mut pairs = Vec::new();
-        for (t, output) in times(outputs.len() as u32).into_iter().zip(outputs) {
+        for (t, output) in chosen {
             let polygons = cut(&made.cage, &made.partition, t)?;
             let known = made.partition.knots.contains(&t);
             if !known {
