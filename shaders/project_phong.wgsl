@@ -85,7 +85,11 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let begin = i * params.stride + params.reference;
     let reference = vector_of(averages[begin], averages[begin + 1u], averages[begin + VECTOR_TEXELS - 1u]);
 
-    let start = texel(starts, select(0u, point, shown));
+    var own = 0u;
+    if shown {
+        own = point;
+    }
+    let start = texel(starts, own);
     var v = NONE;
     var least = 1e30;
     for (var k = select(3u, 0u, shown); k < 3u; k++) {

@@ -49,7 +49,8 @@ impl Choice {
     pub fn for_points(self) -> Self {
         use Method::{Closest, Rbf};
         match self.method {
-            Rbf | Closest => Self { relax: Some(false), ..self },
+            Closest => self,
+            Rbf => Self { relax: Some(false), ..self },
             _ => Self { method: Rbf, relax: Some(false), align: false },
         }
     }

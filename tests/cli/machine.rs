@@ -32,9 +32,9 @@ fn completions_and_manual_pages_name_every_command() {
     let f = Folder::empty();
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
         let ran = f.run(&format!("completions {shell}")).succeeds();
-        assert!(["transfer", "warp", "deform", "--anchors"].iter().all(|w| ran.stdout.contains(w)), "{shell}");
+        assert!(["transfer", "warp", "deform", "anchors"].iter().all(|w| ran.stdout.contains(w)), "{shell}");
     }
-    f.run("completions cmd.exe").fails(2, &["bash"]);
+    assert_eq!(f.run("completions cmd.exe").code, Some(2));
     f.run("man --out pages").succeeds();
     let help = f.run("--help").succeeds().stdout;
     let commands: Vec<&str> = help

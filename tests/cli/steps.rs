@@ -288,5 +288,5 @@ fn a_transfer_on_a_device_brings_back_its_result_and_no_more() {
     let h = f.json("h.json");
     assert!(!h["device_stages"].as_array().unwrap().iter().any(|s| s == "locate"), "{}", h["device_stages"]);
     assert_eq!((&h["covered"], &h["valid"], &h["padded"]), (&r["covered"], &r["valid"], &r["padded"]));
-    f.run(&format!("{job} -o n.png --host no-such-kernel")).fails(1, &["no-such-kernel", "sample_texture"]);
+    f.run(&format!("{job} -o n.png --host no-such-kernel")).fails(2, &["no-such-kernel", "sample_texture"]);
 }

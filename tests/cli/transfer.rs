@@ -98,7 +98,10 @@ fn a_device_does_all_heavy_stages_where_there_is_one() {
     f.run(&format!("{auto} -o auto.png --coverage d.png --report r.json")).succeeds();
     let report = f.json("r.json");
     if report["backend"]["kind"] == "gpu" {
-        assert_eq!(report["device_stages"], serde_json::json!(["rasterize_atlas", "sample_texture", "pad_seams"]));
+        let stages: Vec<&str> = report["device_stages"].as_array().unwrap().iter().filter_map(|s| s.as_str()).collect();
+        for stage in ["rasterize_atlas", "locate", "footprint", "sample_texture", "store_texel", "tally", "pad_seams"] {
+            assert!(stages.contains(&stage), "{stage}: {stages:?}");
+        }
     } else {
         assert!(
             std::env::var_os("BARYMAP_REQUIRE_GPU").is_none(),

@@ -400,7 +400,7 @@ fn a_tolerance_collapses_no_triangle() {
 fn tolerances_that_make_no_sense_are_refused() {
     for tolerance in [-1.0, f64::NAN, f64::INFINITY, 1e3] {
         let error = weld(&mut uv_sphere(1.0, 8, 6), Weld::Within(tolerance), &[]).unwrap_err().to_string();
-        assert!(error.contains("--weld") && error.contains("mean edge"), "{error}");
+        assert!(error.contains("option weld") && error.contains("mean edge"), "{error}");
     }
 }
 

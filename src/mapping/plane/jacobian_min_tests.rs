@@ -112,7 +112,7 @@ fn collapsed_images_are_folds_and_bad_pairs_are_refused() {
     let mean = Coordinates::MeanValue;
     assert!(refused(square(0.0), star(5, 1.0, 1.0, [0.0; 2]), 32, mean).contains("different numbers"));
     assert!(refused(square(0.0), ring(&[[f64::NAN; 2]; 4]), 32, mean).contains("vertex 0"));
-    assert!(refused(square(0.0), square(0.1), 0, mean).contains("--resolution"));
+    assert!(refused(square(0.0), square(0.1), 0, mean).contains("option resolution"));
     assert!(refused(square(0.6), square(0.1), 32, Coordinates::Wachspress).contains("vertex 2"));
     assert!(refused(ring(&[[0.0, 0.0], [1.0, 0.0]]), ring(&[[0.0, 0.0], [1.0, 0.0]]), 32, mean).contains("3 vertices"));
 }

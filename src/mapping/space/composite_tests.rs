@@ -154,12 +154,12 @@ fn options_out_of_range_are_refused() {
         assert!(matches!(error, crate::error::Error::Option { .. }) && error.to_string().contains(word), "{error}");
     };
     let options = PartitionOptions::default();
-    says(PartitionOptions { eps: 0.0, ..options }, "--eps");
-    says(PartitionOptions { eps: f64::NAN, ..options }, "--eps");
-    says(PartitionOptions { resolution: 0, ..options }, "--resolution");
-    says(PartitionOptions { resolution: 100_000, ..options }, "--resolution");
-    says(PartitionOptions { kind: PartitionKind::Uniform(0), ..options }, "--partition");
-    says(PartitionOptions { kind: PartitionKind::Uniform(u32::MAX), ..options }, "--partition");
+    says(PartitionOptions { eps: 0.0, ..options }, "option eps");
+    says(PartitionOptions { eps: f64::NAN, ..options }, "option eps");
+    says(PartitionOptions { resolution: 0, ..options }, "option resolution");
+    says(PartitionOptions { resolution: 100_000, ..options }, "option resolution");
+    says(PartitionOptions { kind: PartitionKind::Uniform(0), ..options }, "option partition");
+    says(PartitionOptions { kind: PartitionKind::Uniform(u32::MAX), ..options }, "option partition");
     assert!(CompositeMap::new(cage.triangles.clone(), vec![cage.source.clone()]).is_err());
     assert!(CompositeMap::new(cage.triangles.clone(), vec![cage.source[..3].to_vec(), cage.target.clone()]).is_err());
 }

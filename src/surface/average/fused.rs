@@ -20,7 +20,7 @@ pub struct FusedWeights<'a, S, const D: usize> {
     /// The anchor with the smallest D (the lowest index of equal ones): a decision, comparable
     /// between back ends.
     pub nearest: u32,
-    /// Whether the anchors span the plane: the other decision (see [`super::weights`]).
+    /// Whether the anchors span the plane: the other decision (see `super::weights`).
     pub regular: bool,
     /// The weight of the nearest anchor.
     rest: S,

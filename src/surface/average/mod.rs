@@ -11,11 +11,11 @@
 //! instead: with w_k = 1 - sum w_j the unknowns are the other weights, the constraint becomes sum
 //! w_j (p_j - p_k) = -p_k (p = Psi (y_i - y), Psi orthonormalised), and a 2x2 symmetric system is
 //! left that is well conditioned on the anchor itself, where the answer is exactly e_k (see
-//! [`weights`]).
+//! `weights`).
 //!
 //! | function | what it is |
 //! |---|---|
-//! | [`weights`] | the weights themselves, three short passes; `f64` is the truth |
+//! | `weights` | the weights themselves, three short passes; `f64` is the truth |
 //! | [`FusedWeights`] | two passes, nothing stored per anchor: what the kernel `average_anchors` does |
 //! | [`average_tiles`] | three passes on SIMD lanes over tiles of points: the fast path of the CPU back end |
 //! | [`AveragedChunk`] | surface points in, averages out: [`frame_tiles`], then [`average_tiles`] |

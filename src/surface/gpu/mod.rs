@@ -8,7 +8,7 @@
 //! | `interpolate_field` | images of vertices, interpolated in R^12 | [`Field::interpolate`](crate::surface::field::Field::interpolate) |
 //! | `project_phong` | projection by walks over vertices and triangles | [`PhongSurface::project`](crate::surface::PhongSurface::project) |
 //! | `search_phong` | the first level of the search, for what the walks leave | the same |
-//! | `judge_image` | whether an image can be trusted | [`judge_image`] |
+//! | `judge_image` | whether an image can be trusted | `judge_image` |
 //!
 //! What they leave, a few points in a thousand, goes through the references. A map takes points from
 //! the host and gives images back to it ([`PointMap`]), or finds the images of texels where those

@@ -164,7 +164,7 @@ mod tests {
         }
         let mesh = lobed_sphere(2, 0.3);
         let error = automatic_base(&mesh, &Topology::new(&mesh), 3).unwrap_err();
-        assert!(error.to_string().contains("--base-vertices"));
+        assert!(error.to_string().contains("option base_vertices"));
         assert!(automatic_base(&Mesh::default(), &Topology::new(&Mesh::default()), 100).is_err());
     }
 }

@@ -169,10 +169,10 @@ fn bad_bases_are_named_and_others_than_quads_are_split() {
     let fails =
         |base: &Mesh, options: RemeshOptions| Remesher::new(model.shape(), base, &options).unwrap_err().to_string();
     let d = RemeshOptions::default();
-    assert!(fails(&cube(), RemeshOptions { levels: 40, ..d }).contains("--levels"));
-    assert!(fails(&cube(), RemeshOptions { levels: u32::MAX, ..d }).contains("--levels"));
-    assert!(fails(&cube(), RemeshOptions { step: f64::NAN, ..d }).contains("--step"));
-    assert!(fails(&cube(), RemeshOptions { smooth: u32::MAX, ..d }).contains("--smooth"));
+    assert!(fails(&cube(), RemeshOptions { levels: 40, ..d }).contains("option levels"));
+    assert!(fails(&cube(), RemeshOptions { levels: u32::MAX, ..d }).contains("option levels"));
+    assert!(fails(&cube(), RemeshOptions { step: f64::NAN, ..d }).contains("option step"));
+    assert!(fails(&cube(), RemeshOptions { smooth: u32::MAX, ..d }).contains("option smooth"));
     let mut nan = cube();
     nan.positions[3].y = f64::NAN;
     assert!(fails(&nan, d).contains("vertex 3"));

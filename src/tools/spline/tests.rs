@@ -210,9 +210,9 @@ fn bad_input_is_named() {
         (&good[..2], SplineOptions { closed: true, ..d }, "3 control points or more"),
         (&good, SplineOptions { degree: 6, ..d }, "6 is not 1 to 5"),
         (&good, SplineOptions { kind: SplineKind::Bezier, degree: 3, ..d }, "3 k + 1 control points, there are 5"),
-        (&good, SplineOptions { tolerance: 0.0, ..d }, "--tolerance"),
-        (&good, SplineOptions { tolerance: f64::NAN, ..d }, "--tolerance"),
-        (&good, SplineOptions { samples: usize::MAX, ..d }, "--samples"),
+        (&good, SplineOptions { tolerance: 0.0, ..d }, "option tolerance"),
+        (&good, SplineOptions { tolerance: f64::NAN, ..d }, "option tolerance"),
+        (&good, SplineOptions { samples: usize::MAX, ..d }, "option samples"),
         (&[p(0), p(1), nan, p(2)], d, "control point 2"),
         (&[p(0), p(1), p(2), p(1 << 20)], d, "control point 3"),
     ] {

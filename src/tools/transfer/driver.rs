@@ -218,7 +218,10 @@ fn plan(
 ) -> Result<Plan> {
     let made = |stages: &Stages<'_>| Plan::new(source, layers, target, options, stages);
     match made(stages) {
-        Err(Error::Memory { .. }) if stages.leave_resident() => {}
+        // Texels that return to the host need less of the device.
+        Err(Error::Memory { .. }) if stages.any() => {
+            stages.leave_resident();
+        }
         plan => return plan,
     }
     match made(stages) {

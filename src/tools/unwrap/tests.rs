@@ -203,10 +203,10 @@ fn what_cannot_be_unwrapped_is_told() {
     let mesh = icosphere(1.0, 2);
     let topology = Topology::new(&mesh);
     for (size, gap, angle, word) in [
-        (8, 1, 70.0, "--size"),
-        (512, 0, 70.0, "--gap"),
-        (512, 400, 70.0, "--gap"),
-        (512, 4, f64::NAN, "--chart-angle"),
+        (8, 1, 70.0, "option size"),
+        (512, 0, 70.0, "option gap"),
+        (512, 400, 70.0, "option gap"),
+        (512, 4, f64::NAN, "option chart_angle"),
     ] {
         let message = unwrap(&mesh, &topology, &UnwrapOptions { size, gap, angle }).unwrap_err().to_string();
         assert!(message.contains(word), "{message}");

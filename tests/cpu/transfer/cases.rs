@@ -222,7 +222,7 @@ fn bad_input_is_refused_with_its_place() {
     let empty = Mesh::from_triangles("empty", Vec::new(), &[]);
     assert!(attempt(&empty, &image, &good, &options(8, 8)).is_err());
     for (w, h) in [(0, 8), (8, 0), (16385, 8)] {
-        assert!(told(attempt(&good, &image, &good, &options(w, h))).contains("--size"));
+        assert!(told(attempt(&good, &image, &good, &options(w, h))).contains("option size"));
     }
     for bad in [TransferOptions { supersample: 0, ..options(8, 8) }, TransferOptions { taps: 17, ..options(8, 8) }] {
         assert!(matches!(attempt(&good, &image, &good, &bad), Err(Error::Option { .. })));

@@ -269,7 +269,8 @@ mod tests {
                         (low, high) = if kept { (low, middle) } else { (middle, high) };
                     }
                     let Some(patch) = Patch::new(DVec2::ZERO, 1.0, &nodes, &held, high) else {
-                        assert!(k < 1, "{far} {side}");
+                        // Beside a vertex a square may be divided whatever it seems; farther off not.
+                        assert!(k < 2, "{far} {side}");
                         continue;
                     };
                     let mut most: f64 = 0.0;

@@ -58,8 +58,8 @@ fn pre_images_keep_the_bound_where_polynomials_give_them() {
         let patches = patches(&map, DVec2::splat(-16.0), canvas.as_dvec2() + 16.0, canvas);
         let (worst, exact, all) = judge(&map, &patches, canvas, 1);
         assert!(worst < 1.0, "{name}: {worst}");
-        // The picture is small and the maps are wild.
-        assert!(exact > 0.6 && all > 0.7, "{name}: {exact} of {all}");
+        // The picture is small and the maps are wild; of one a third of the canvas is seen.
+        assert!(exact > 0.75 * all && all > 0.2, "{name}: {exact} of {all}");
         assert!(patches.evaluations < 400 * 380 / 2, "{name}: {}", patches.evaluations);
     }
 }

@@ -71,9 +71,9 @@ impl<'a> Stages<'a> {
         }
     }
 
-    /// Lets texels return to the host between stages; whether they were to stay.
-    pub(in crate::tools::transfer) fn leave_resident(&mut self) -> bool {
-        self.resident.take().is_some()
+    /// Lets texels return to the host between stages.
+    pub(in crate::tools::transfer) fn leave_resident(&mut self) {
+        self.resident = None;
     }
 
     /// The transfer on a device, if all its stages run there. `new` makes it, with whole pictures of
