@@ -9,6 +9,7 @@ use std::path::Path;
 
 use naga::{Expression, Literal};
 
+use crate::conformance::kernels;
 use crate::engine::Kernel;
 
 /// A constant of a shader and the value it has in Rust.
@@ -94,16 +95,6 @@ fn faults(twins: &[Twin], compiled: &BTreeMap<Place, f64>, named: &BTreeSet<Plac
 
 #[test]
 fn constants_of_shaders_are_those_of_rust() {
-    let kernels = [
-        crate::encoding::gpu::KERNELS,
-        crate::engine::KERNELS,
-        crate::mapping::plane::gpu::KERNELS,
-        crate::mapping::space::gpu::KERNELS,
-        crate::surface::gpu::KERNELS,
-        crate::tools::transfer::gpu::KERNELS,
-        crate::tools::warp::gpu::KERNELS,
-    ]
-    .concat();
     let twins = [
         crate::encoding::gpu::twins(),
         crate::engine::twins(),
@@ -116,7 +107,7 @@ fn constants_of_shaders_are_those_of_rust() {
     ]
     .concat();
     let mut values = BTreeMap::new();
-    kernels.iter().for_each(|k| compiled(k, &mut values));
+    kernels().iter().for_each(|k| compiled(k, &mut values));
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders");
     let mut names = BTreeSet::new();
     for (folder, prefix) in [(folder.clone(), ""), (folder.join("lib"), "lib/")] {
