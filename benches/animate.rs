@@ -22,7 +22,8 @@ const SAMPLES: [usize; 6] = [15, 40, 47, 65, 333, 998];
 fn main() -> Result<()> {
     let walker = Walker::new(0.0138);
     let n = walker.mesh.vertex_count();
-    let markers = farthest_points(&Geodesics::new(&walker.mesh.positions, &walker.mesh.triangles()), 0, MARKERS);
+    let markers =
+        farthest_points(&Geodesics::new(&walker.mesh.positions, &walker.mesh.triangles()).unwrap(), 0, MARKERS);
     let tracks: Vec<Vec<DVec3>> = (0..FRAMES)
         .map(|f| {
             let shape = walker.positions(f as f64 / 30.0, (f as f64 / 30.0).min(1.0));

@@ -61,7 +61,7 @@ fn cases(folder: &Path) -> Result<Vec<Case>> {
 impl Case {
     fn errors(&self, method: Method, relax: Option<bool>) -> Result<Vec<f64>> {
         let (s, t) = (&self.source, &self.target);
-        let geodesics = Geodesics::new(&s.mesh.positions, &s.mesh.triangles());
+        let geodesics = Geodesics::new(&s.mesh.positions, &s.mesh.triangles()).unwrap();
         let mut march = March::default();
         let unit = s.mesh.area().sqrt();
         let mut errors = Vec::new();

@@ -29,7 +29,7 @@ fn ring() -> Mesh {
         let v = |i: u32, j: u32| Corner { vertex: (j % 16) * 24 + i % 24, texcoord: NONE, normal: NONE };
         builder.polygon([v(i, j), v(i + 1, j), v(i + 1, j + 1), v(i, j + 1)]);
     }
-    builder.build()
+    builder.build().unwrap()
 }
 
 fn main() -> Result<()> {

@@ -43,7 +43,7 @@ fn sphere(around: u32, rings: u32) -> Mesh {
             }));
     }
     triangles.extend((0..around).map(|i| [last, at(rings - 1, i), at(rings - 1, i + 1)]));
-    Mesh::from_triangles("sphere", positions, &triangles)
+    Mesh::from_triangles("sphere", positions, &triangles).unwrap()
 }
 
 /// Seconds of wall time and peak memory in MiB.
@@ -89,7 +89,7 @@ fn fan(around: u32, rings: u32) -> Mesh {
                 [[at(r, i), at(r, i + 1), at(r + 1, i)], [at(r, i + 1), at(r + 1, i + 1), at(r + 1, i)]]
             }));
     }
-    Mesh::from_triangles("fan", positions, &triangles)
+    Mesh::from_triangles("fan", positions, &triangles).unwrap()
 }
 
 /// A sphere with one face many times.
@@ -97,7 +97,7 @@ fn copies() -> Mesh {
     let one = sphere(40, 21);
     let mut triangles = one.triangles();
     triangles.extend(vec![triangles[300]; MANY as usize]);
-    Mesh::from_triangles("copies", one.positions, &triangles)
+    Mesh::from_triangles("copies", one.positions, &triangles).unwrap()
 }
 
 /// A star of one face.
@@ -111,7 +111,7 @@ fn polygon() -> Mesh {
         })
         .collect();
     builder.polygon((0..MANY).map(|vertex| Corner { vertex, texcoord: NONE, normal: NONE }));
-    builder.build()
+    builder.build().unwrap()
 }
 
 const COMMANDS: [&str; 6] = [

@@ -17,7 +17,7 @@ mod shared;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let walker = Walker::new(0.022);
-    let markers = farthest_points(&Geodesics::new(&walker.mesh.positions, &walker.mesh.triangles()), 0, 40);
+    let markers = farthest_points(&Geodesics::new(&walker.mesh.positions, &walker.mesh.triangles())?, 0, 40);
     let truth: Vec<Vec<DVec3>> =
         (0..60).map(|f| walker.positions(f64::from(f) / 30.0, (f64::from(f) / 20.0).min(1.0))).collect();
     let tracks: Vec<Vec<DVec3>> =

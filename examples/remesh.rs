@@ -19,7 +19,7 @@ use glam::DVec3;
 use lines::{Line, with_lines};
 
 /// The surface of a cube of `n` by `n` by `n` cells, around the origin.
-fn cube(n: u32, side: f64) -> Mesh {
+fn cube(n: u32, side: f64) -> barymap::Result<Mesh> {
     let mut builder = MeshBuilder::new("cube");
     let mut number = std::collections::BTreeMap::new();
     for axis in 0..3 {
@@ -69,7 +69,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         &Quiet,
     )?;
     let shape = Shape { mesh: &mesh, topology: &topology, embedding: Some(&embedding) };
-    let base = cube(2, 1.6);
+    let base = cube(2, 1.6)?;
 
     let mut pictures = Vec::new();
     for (levels, smooth) in [(0, 0), (3, 0), (3, 5)] {
@@ -91,7 +91,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let falls = report.edge_lengths.windows(2).all(|w| w[1].variance < w[0].variance);
         assert!(falls && report.turned[1].inverted == 0, "the remeshing has gone wrong");
         let radius = if levels == 0 { 0.012 } else { 0.005 };
-        let (drawn, colors) = with_lines(&quads, [222, 222, 226], &edges(&quads, radius, [30, 60, 140]));
+        let (drawn, colors) = with_lines(&quads, [222, 222, 226], &edges(&quads, radius, [30, 60, 140]))?;
         let options =
             RenderOptions { width: 520, height: 520, azimuth: 30.0, elevation: 20.0, ..RenderOptions::default() };
         pictures.push(render(&drawn, Coloring::Vertices(&colors), &[], &options)?);

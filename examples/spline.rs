@@ -77,7 +77,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let mut all: Vec<Line> = line(&corners, 0.6 * radius, RED).collect();
         all.extend(line(&repeated, 0.8 * radius, BLUE));
         all.extend(line(&curve, radius, YELLOW));
-        let (shape, colors) = with_lines(&mesh, [190, 192, 200], &all);
+        let (shape, colors) = with_lines(&mesh, [190, 192, 200], &all)?;
         let options = RenderOptions { width: 560, height: 560, azimuth, ..RenderOptions::default() };
         pictures.push(render(&shape, Coloring::Vertices(&colors), &controls, &options)?);
     }

@@ -113,7 +113,7 @@ impl Surface {
 
     /// Up to `count` vertices by farthest-point sampling along the surface.
     pub(crate) fn farthest(&self, count: usize) -> Vec<u32> {
-        sampling::farthest_points(&Geodesics::new(&self.mesh.positions, &self.mesh.triangles()), 0, count)
+        sampling::farthest_points(&Geodesics::new(&self.mesh.positions, &self.mesh.triangles()).unwrap(), 0, count)
     }
 
     /// A vertex as a point of one of its triangles.

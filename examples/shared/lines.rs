@@ -14,7 +14,7 @@ pub(crate) struct Line {
 }
 
 /// A shape of one colour with lines on it, and a colour for each vertex.
-pub(crate) fn with_lines(mesh: &Mesh, color: [u8; 3], lines: &[Line]) -> (Mesh, Vec<[u8; 3]>) {
+pub(crate) fn with_lines(mesh: &Mesh, color: [u8; 3], lines: &[Line]) -> barymap::Result<(Mesh, Vec<[u8; 3]>)> {
     let mut positions = mesh.positions.clone();
     let mut triangles = mesh.triangles();
     let mut colors = vec![color; positions.len()];
@@ -43,5 +43,5 @@ pub(crate) fn with_lines(mesh: &Mesh, color: [u8; 3], lines: &[Line]) -> (Mesh, 
             }
         }
     }
-    (Mesh::from_triangles(&mesh.name, positions, &triangles), colors)
+    Ok((Mesh::from_triangles(&mesh.name, positions, &triangles)?, colors))
 }

@@ -142,7 +142,7 @@ mod tests {
 
     #[test]
     fn a_mesh_without_triangles_is_refused_and_findings_are_sentences() {
-        assert!(Subject::new(Mesh::from_triangles("none", vec![glam::DVec3::X; 3], &[])).is_err());
+        assert!(Subject::new(Mesh::of_triangles("none", vec![glam::DVec3::X; 3], &[])).is_err());
         let mut mesh = lobed_sphere(1, 0.2);
         mesh.positions.push(glam::DVec3::splat(9.0));
         let subject = Subject::new(mesh).unwrap();

@@ -274,7 +274,7 @@ mod tests {
     fn meshes_of_every_kind_are_reproduced() {
         // Closed, with poles of many neighbours, of genus 1, open with straight boundaries and
         // corners, an open tube, one triangle pair.
-        let single = Mesh::from_triangles(
+        let single = Mesh::of_triangles(
             "pair",
             [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.1], [0.0, 1.0, 0.3]].map(glam::DVec3::from).to_vec(),
             &[[0, 1, 2], [0, 2, 3]],

@@ -228,7 +228,7 @@ mod tests {
         let point = |k: usize| DVec3::new(noise(3 * k), noise(3 * k + 1), noise(3 * k + 2));
         let positions: Vec<DVec3> = (0..3 * n).map(|k| point(k / 3 * 3) + 0.2 * point(k + 7777)).collect();
         let triangles: Vec<[u32; 3]> = (0..n as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
-        let mesh = Mesh::from_triangles("soup", positions, &triangles);
+        let mesh = Mesh::of_triangles("soup", positions, &triangles);
         let topology = Topology::new(&mesh);
         (mesh, topology)
     }
@@ -277,7 +277,7 @@ mod tests {
         let positions: Vec<DVec3> = std::iter::once(middle).chain(rim).collect();
         let mut triangles: Vec<[u32; 3]> = (0..8).map(|k| [0, 1 + k, 1 + (k + 1) % 8]).collect();
         triangles.rotate_left(3);
-        let mesh = Mesh::from_triangles("fan", positions, &triangles);
+        let mesh = Mesh::of_triangles("fan", positions, &triangles);
         let index = ClosestPoints::new(&mesh, &Topology::new(&mesh));
         for p in [mesh.positions[0], mesh.positions[0] + DVec3::Z * 0.7] {
             let (point, _) = index.nearest(p).unwrap();

@@ -265,7 +265,7 @@ mod tests {
     use super::*;
 
     fn diagnose(positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> Diagnosis {
-        let mesh = Mesh::from_triangles("m", positions.iter().map(|p| DVec3::from(*p)).collect(), triangles);
+        let mesh = Mesh::of_triangles("m", positions.iter().map(|p| DVec3::from(*p)).collect(), triangles);
         Diagnosis::new(&mesh, &Topology::new(&mesh))
     }
 

@@ -13,6 +13,8 @@ use std::collections::BinaryHeap;
 use glam::DVec3;
 use rayon::prelude::*;
 
+use crate::error::{Error, Result};
+
 /// A vertex that has been marched from is marched from again if its distance falls by more than
 /// this part of it.
 const REOPEN: f64 = 1e-7;
@@ -57,9 +59,21 @@ impl Geodesics {
     /// Prepares `triangles` over `positions`. Triangles with two equal vertices are left out. O(V +
     /// F).
     ///
-    /// # Panics
-    /// If a triangle names a vertex that does not exist.
-    pub fn new(positions: &[DVec3], triangles: &[[u32; 3]]) -> Self {
+    /// # Errors
+    /// [`Error::Input`] naming the triangle and the vertex that does not exist.
+    pub fn new(positions: &[DVec3], triangles: &[[u32; 3]]) -> Result<Self> {
+        let count = positions.len();
+        for (i, t) in triangles.iter().enumerate() {
+            if let Some(v) = t.iter().find(|v| **v as usize >= count) {
+                let what = format!("triangle {i} names vertex {v}, there are {count}");
+                return Err(Error::input(what, "Give the positions that these triangles index, from 0"));
+            }
+        }
+        Ok(Self::of(positions, triangles))
+    }
+
+    /// As [`Geodesics::new`], for the triangles of a mesh.
+    pub(crate) fn of(positions: &[DVec3], triangles: &[[u32; 3]]) -> Self {
         let proper = |t: &&[u32; 3]| t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
         let mut start = vec![0u32; positions.len() + 1];
         for t in triangles.iter().filter(proper) {
@@ -95,11 +109,8 @@ impl Geodesics {
         self.start.len() - 1
     }
 
-    /// Distances of all vertices from `source`, in `march.distances`; infinite on other components.
-    /// O(V log V).
-    ///
-    /// # Panics
-    /// If `source` does not exist.
+    /// Distances of all vertices from `source`, in `march.distances`; infinite on other components,
+    /// and everywhere if there is no such vertex. O(V log V).
     pub fn distances_from(&self, source: u32, march: &mut March) {
         self.clear(march);
         self.add_source(source, march);
@@ -114,11 +125,15 @@ impl Geodesics {
     }
 
     /// Lowers the distances in `march` to those from `source` where these are shorter. Only that
-    /// part of the mesh is visited.
-    ///
-    /// # Panics
-    /// If `source` does not exist or `march` was not cleared for this mesh.
+    /// part of the mesh is visited. A march of another mesh is cleared first.
     pub fn add_source(&self, source: u32, march: &mut March) {
+        let count = self.vertex_count();
+        if march.distances.len() != count || march.marched.len() != count {
+            self.clear(march);
+        }
+        if source as usize >= count {
+            return;
+        }
         let March { distances, marched, heap } = march;
         heap.clear();
         distances[source as usize] = 0.0;
@@ -158,17 +173,15 @@ impl Geodesics {
 
     /// Distances between all pairs of `sources`, row-major; row i comes from the march that starts
     /// at source i, so that the matrix is symmetric only up to the marching error. Parallel over
-    /// sources.
-    ///
-    /// # Panics
-    /// If a source does not exist.
+    /// sources. A source that does not exist is infinitely far from all.
     pub fn matrix(&self, sources: &[u32], done: impl Fn() + Sync) -> Vec<f64> {
         let rows: Vec<Vec<f64>> = sources
             .par_iter()
             .map_init(March::default, |march, &source| {
                 self.distances_from(source, march);
                 done();
-                sources.iter().map(|&s| march.distances[s as usize]).collect()
+                let distance = |s: &u32| march.distances.get(*s as usize).copied().unwrap_or(f64::INFINITY);
+                sources.iter().map(distance).collect()
             })
             .collect();
         rows.concat()
@@ -236,7 +249,7 @@ mod tests {
 
     fn worst(p: &[DVec3], t: &[[u32; 3]], source: u32, exact: impl Fn(DVec3) -> f64) -> f64 {
         let mut march = March::default();
-        Geodesics::new(p, t).distances_from(source, &mut march);
+        Geodesics::of(p, t).distances_from(source, &mut march);
         p.iter()
             .zip(&march.distances)
             .filter(|(x, _)| exact(**x) > 0.0)
@@ -270,7 +283,7 @@ mod tests {
     fn other_components_are_infinitely_far() {
         let p = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z, DVec3::X + DVec3::Z, DVec3::Y + DVec3::Z];
         let mut march = March::default();
-        Geodesics::new(&p, &[[0, 1, 2], [3, 4, 5]]).distances_from(1, &mut march);
+        Geodesics::of(&p, &[[0, 1, 2], [3, 4, 5]]).distances_from(1, &mut march);
         assert_eq!(march.distances[1], 0.0);
         assert!((march.distances[2] - 2f64.sqrt()).abs() < 1e-15);
         assert!(march.distances[3..].iter().all(|d| d.is_infinite()));
@@ -279,7 +292,7 @@ mod tests {
     #[test]
     fn several_sources_give_the_nearest() {
         let (p, t) = grid(12, 0.3);
-        let g = Geodesics::new(&p, &t);
+        let g = Geodesics::of(&p, &t);
         let (mut both, mut a, mut b) = (March::default(), March::default(), March::default());
         g.distances_from(0, &mut a);
         g.distances_from(168, &mut b);

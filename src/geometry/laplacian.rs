@@ -8,13 +8,13 @@ const MAX_COTANGENT: f64 = 1e4;
 
 /// A sparse matrix by rows, columns ascending in each row.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct SparseRows {
+pub(crate) struct SparseRows {
     /// First entry of each row, and the number of entries at the end.
-    pub start: Vec<usize>,
+    pub(crate) start: Vec<usize>,
     /// Column of each entry.
-    pub columns: Vec<u32>,
+    pub(crate) columns: Vec<u32>,
     /// Value of each entry.
-    pub values: Vec<f64>,
+    pub(crate) values: Vec<f64>,
 }
 
 impl SparseRows {
@@ -23,7 +23,7 @@ impl SparseRows {
     ///
     /// # Panics
     /// If a row is out of range.
-    pub fn from_triplets(rows: usize, triplets: &[(u32, u32, f64)]) -> Self {
+    pub(crate) fn from_triplets(rows: usize, triplets: &[(u32, u32, f64)]) -> Self {
         let mut begin = vec![0usize; rows + 1];
         for t in triplets {
             begin[t.0 as usize + 1] += 1;
@@ -53,20 +53,14 @@ impl SparseRows {
     }
 
     /// Number of rows.
-    pub fn row_count(&self) -> usize {
+    pub(crate) fn row_count(&self) -> usize {
         self.start.len().saturating_sub(1)
     }
 
     /// Columns and values of row `r`.
-    pub fn row(&self, r: usize) -> (&[u32], &[f64]) {
+    pub(crate) fn row(&self, r: usize) -> (&[u32], &[f64]) {
         let range = self.start[r]..self.start[r + 1];
         (&self.columns[range.clone()], &self.values[range])
-    }
-
-    /// The product of row `r` with a column vector.
-    pub fn dot_row(&self, r: usize, x: &[f64]) -> f64 {
-        let (columns, values) = self.row(r);
-        columns.iter().zip(values).map(|(&c, v)| v * x[c as usize]).sum()
     }
 }
 
@@ -78,15 +72,15 @@ impl SparseRows {
 /// operator is -M^-1 S. `mass` is the lumped barycentric one: a third of the area of the triangles
 /// around a vertex, zero where there are none.
 #[derive(Clone, Debug)]
-pub struct Laplacian {
+pub(crate) struct Laplacian {
     /// Stiffness matrix S; entries of absent vertices have empty rows.
-    pub stiffness: SparseRows,
+    pub(crate) stiffness: SparseRows,
     /// Lumped mass of each vertex, in squared units of the positions.
-    pub mass: Vec<f64>,
+    pub(crate) mass: Vec<f64>,
 }
 
 /// Half the cotangents of the angles of a triangle, bounded.
-pub fn half_cotangents(p: [DVec3; 3]) -> [f64; 3] {
+pub(crate) fn half_cotangents(p: [DVec3; 3]) -> [f64; 3] {
     [0, 1, 2].map(|k| {
         let (a, b) = (p[(k + 1) % 3] - p[k], p[(k + 2) % 3] - p[k]);
         let (dot, cross) = (a.dot(b), a.cross(b).length());
@@ -101,7 +95,7 @@ impl Laplacian {
     ///
     /// # Panics
     /// If a triangle names a vertex that does not exist.
-    pub fn new(positions: &[DVec3], triangles: &[[u32; 3]]) -> Self {
+    pub(crate) fn new(positions: &[DVec3], triangles: &[[u32; 3]]) -> Self {
         let mut triplets = Vec::with_capacity(12 * triangles.len());
         let mut mass = vec![0.0; positions.len()];
         for t in triangles {
@@ -124,7 +118,7 @@ impl Laplacian {
     /// the vertex. In a triangle with boundary edge (i, j) and opposite corner k that flow is,
     /// shared between i and j, minus row k of the triangle's own stiffness. Edges with three
     /// triangles or more are no boundary: there the flows cancel.
-    pub fn without_boundary_flow(&self, positions: &[DVec3], triangles: &[[u32; 3]]) -> SparseRows {
+    pub(crate) fn without_boundary_flow(&self, positions: &[DVec3], triangles: &[[u32; 3]]) -> SparseRows {
         let mut edges: Vec<(u32, u32, u32, u8)> = Vec::with_capacity(3 * triangles.len());
         for (f, t) in triangles.iter().enumerate() {
             for k in 0..3 {
@@ -174,6 +168,14 @@ mod tests {
             .flat_map(|(i, j)| [[at(i, j), at(i, j + 1), at(i + 1, j)], [at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)]])
             .collect();
         (p, t)
+    }
+
+    impl SparseRows {
+        /// The product of row `r` with a column vector.
+        fn dot_row(&self, r: usize, x: &[f64]) -> f64 {
+            let (columns, values) = self.row(r);
+            columns.iter().zip(values).map(|(&c, v)| v * x[c as usize]).sum()
+        }
     }
 
     #[test]

@@ -10,16 +10,14 @@ pub mod frame;
 #[doc(hidden)]
 pub mod geodesics;
 pub(crate) mod isomorphism;
-#[doc(hidden)]
-pub mod laplacian;
+pub(crate) mod laplacian;
 pub mod material;
 pub mod mesh;
 mod pieces;
 pub(crate) mod placement;
 pub mod polygon;
 pub mod sampling;
-#[doc(hidden)]
-pub mod simplify;
+pub(crate) mod simplify;
 pub mod surface_point;
 #[doc(hidden)]
 pub mod tangent_frames;
@@ -42,17 +40,14 @@ pub use frame::Frame;
 pub use geodesics::Geodesics;
 #[doc(hidden)]
 pub use geodesics::March;
-pub use laplacian::Laplacian;
-#[doc(hidden)]
-pub use laplacian::SparseRows;
+pub(crate) use laplacian::{Laplacian, SparseRows};
 pub use material::Material;
-pub use mesh::{Corner, Mesh, MeshBuilder, NONE};
+pub use mesh::{Corner, Mesh, MeshBuilder, NONE, Texcoords};
 pub use placement::Placement;
 #[doc(hidden)]
 pub use placement::Wrap;
 pub use polygon::{Defect, Polygon, Side};
-#[doc(hidden)]
-pub use simplify::{Simplified, SimplifyOptions, simplify};
+pub(crate) use simplify::{SimplifyOptions, simplify};
 pub use surface_point::SurfacePoint;
 pub use topology::Topology;
 pub use up_axis::UpAxis;

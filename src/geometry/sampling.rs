@@ -18,10 +18,7 @@ fn farthest(distances: &[f64]) -> Option<(u32, f64)> {
 /// The first is the vertex farthest from `seed`, so that the samples begin at an extremity whatever
 /// the seed is. Fewer are returned if the component has no more vertices apart from one another.
 /// Ties go to the lowest vertex. Time: about ln(`count`) marches over the component and `count`
-/// passes over the vertices.
-///
-/// # Panics
-/// If `seed` does not exist.
+/// passes over the vertices. None if there is no vertex `seed`.
 pub fn farthest_points(geodesics: &Geodesics, seed: u32, count: usize) -> Vec<u32> {
     let mut march = March::default();
     geodesics.distances_from(seed, &mut march);
@@ -51,7 +48,7 @@ mod tests {
             (0..=n).flat_map(|i| [DVec3::new(f64::from(i), 0.0, 0.0), DVec3::new(f64::from(i), 0.1, 0.0)]).collect();
         let triangles: Vec<[u32; 3]> =
             (0..n).flat_map(|i| [[2 * i, 2 * i + 2, 2 * i + 3], [2 * i, 2 * i + 3, 2 * i + 1]]).collect();
-        Geodesics::new(&positions, &triangles)
+        Geodesics::of(&positions, &triangles)
     }
 
     #[test]

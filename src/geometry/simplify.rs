@@ -8,20 +8,20 @@ use rayon::prelude::*;
 
 /// When to stop simplifying, and what not to make.
 #[derive(Clone, Copy, Debug)]
-pub struct SimplifyOptions {
+pub(crate) struct SimplifyOptions {
     /// Number of vertices to stop at.
-    pub vertices: usize,
+    pub(crate) vertices: usize,
     /// No edge longer than this is made; infinite for no bound.
-    pub longest_edge: f64,
+    pub(crate) longest_edge: f64,
 }
 
 /// What is left of a mesh; its vertices are some of the original ones, where they were.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Simplified {
+pub(crate) struct Simplified {
     /// The vertices in use, ascending, as indices of the original mesh.
-    pub vertices: Vec<u32>,
+    pub(crate) vertices: Vec<u32>,
     /// Triangles, as indices of the original mesh.
-    pub triangles: Vec<[u32; 3]>,
+    pub(crate) triangles: Vec<[u32; 3]>,
 }
 
 /// A candidate: vertex `from` moves onto `to`. Ordered as the fields are.
@@ -59,7 +59,7 @@ fn rounded(cost: f64) -> u64 {
 ///
 /// # Panics
 /// If a triangle names a vertex that does not exist.
-pub fn simplify(positions: &[DVec3], triangles: &[[u32; 3]], options: &SimplifyOptions) -> Simplified {
+pub(crate) fn simplify(positions: &[DVec3], triangles: &[[u32; 3]], options: &SimplifyOptions) -> Simplified {
     let mut mesh = Collapser::new(positions, triangles, options.longest_edge);
     let used: Vec<u32> = (0..positions.len() as u32).filter(|&v| !mesh.around[v as usize].is_empty()).collect();
     let mut stamps = vec![0u32; positions.len()];

@@ -233,7 +233,7 @@ mod tests {
         for t in [[0, 1, 2], [0, 2, 3]] {
             b.polygon(t.map(|i| Corner { vertex: i, texcoord: i, normal: NONE }));
         }
-        b.build()
+        b.finish()
     }
 
     fn up(mesh: &Mesh) -> Vec<DVec3> {
@@ -279,7 +279,7 @@ mod tests {
         b.mesh.texcoords = vec![DVec2::ZERO, DVec2::X, DVec2::Y];
         b.mesh.normals = vec![DVec3::new(0.0, 0.6, 0.8)];
         b.polygon([0, 1, 2].map(|i| Corner { vertex: i, texcoord: i, normal: 0 }));
-        let mesh = b.build();
+        let mesh = b.finish();
         assert!(
             TangentFrames::new(&mesh, &up(&mesh)).normal(0, [1.0, 0.0, 0.0]).distance(DVec3::new(0.0, 0.6, 0.8)) < 1e-6
         );
@@ -299,7 +299,7 @@ mod tests {
         ] {
             b.polygon((0..3).map(|k| Corner { vertex: t[k], texcoord: uv[k], normal: NONE }));
         }
-        let mesh = b.build();
+        let mesh = b.finish();
         let frames = TangentFrames::new(&mesh, &up(&mesh));
         for t in 0..mesh.triangle_count() as u32 {
             let frame = frames.at(t, [0.2, 0.3, 0.5]);
@@ -322,7 +322,7 @@ mod tests {
             let t = [0, 1 + i, 1 + (i + 1) % count];
             b.polygon(t.map(|i| Corner { vertex: i, texcoord: i, normal: NONE }));
         }
-        let mesh = b.build();
+        let mesh = b.finish();
         let frame = TangentFrames::new(&mesh, &up(&mesh)).at(77, [0.2, 0.4, 0.4]);
         assert!(frame.tangent.distance(DVec3::X) < 1e-2, "{frame:?}");
     }

@@ -1,6 +1,7 @@
 //! Who touches whom in a triangle mesh.
 
 use super::{Mesh, NONE, SurfacePoint};
+use crate::error::{Error, Result};
 
 /// Adjacency of the usable triangles of a mesh.
 ///
@@ -59,7 +60,7 @@ impl Topology {
 
     /// Adjacency of triangles over `vertex_count` vertices, with the unusable ones marked by the
     /// caller.
-    pub fn from_triangles(vertex_count: usize, triangles: Vec<[u32; 3]>, usable: Vec<bool>) -> Self {
+    pub(crate) fn from_triangles(vertex_count: usize, triangles: Vec<[u32; 3]>, usable: Vec<bool>) -> Self {
         let mut edges: Vec<(u32, u32, u32, u32)> = Vec::with_capacity(3 * triangles.len());
         for (t, tri) in triangles.iter().enumerate().filter(|(t, _)| usable[*t]) {
             for k in 0..3 {
@@ -113,6 +114,17 @@ impl Topology {
         };
         topology.label_components();
         topology
+    }
+
+    /// Fails for the adjacency of a mesh with other numbers of vertices or triangles.
+    ///
+    /// # Errors
+    /// [`Error::Mesh`].
+    pub(crate) fn check(&self, mesh: &Mesh) -> Result<()> {
+        if self.vertex_count() == mesh.vertex_count() && self.triangles.len() == mesh.triangle_count() {
+            return Ok(());
+        }
+        Err(Error::mesh(&mesh.name, "its adjacency is that of another mesh", "Build it from this mesh"))
     }
 
     /// The same mesh with the triangles of the components that `keep` refuses marked unusable.

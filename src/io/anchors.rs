@@ -78,18 +78,25 @@ pub struct PairRemark {
 /// them (vertices by index), and a list `"pairs"` with a remark on each, where there are remarks.
 ///
 /// # Errors
-/// [`Error::Io`].
-///
-/// # Panics
-/// If the numbers of points and remarks differ or a point is not on its mesh.
+/// [`Error::Io`]; [`Error::Input`] if the numbers of points or remarks differ, or a point is not on
+/// its mesh.
 pub fn write_pairs(
     path: impl AsRef<Path>,
     source: (&Mesh, &[SurfacePoint]),
     target: (&Mesh, &[SurfacePoint]),
     remarks: &[PairRemark],
 ) -> Result<()> {
-    assert!(source.1.len() == target.1.len(), "as many points on both");
-    assert!(remarks.is_empty() || remarks.len() == target.1.len(), "one remark for each pair, or none");
+    let (count, others) = (target.1.len(), source.1.len());
+    if others != count || !(remarks.is_empty() || remarks.len() == count) {
+        let what = format!("there are {others} points of the source, {count} of the target, {} remarks", remarks.len());
+        return Err(Error::input(what, "Give as many points on both, and one remark for each pair or none"));
+    }
+    for (name, (mesh, points)) in [("source", source), ("target", target)] {
+        if let Some(k) = points.iter().position(|p| p.face as usize >= mesh.triangle_count()) {
+            let what = format!("{name}, point {k}: {} has no face {}", mesh.name, points[k].face);
+            return Err(Error::input(what, "Give points of this mesh"));
+        }
+    }
     let points = |(mesh, points): (&Mesh, &[SurfacePoint])| -> Value {
         let entry = |p: &SurfacePoint| match p.barycentric.iter().position(|b| *b == 1.0) {
             Some(k) => Value::from(mesh.triangle(p.face as usize)[k]),
@@ -495,7 +502,7 @@ mod tests {
     #[test]
     fn resolution_checks_ranges() {
         let positions = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z, DVec3::X * 2.0];
-        let mesh = Mesh::from_triangles("m", positions, &[[0, 1, 4], [0, 1, 2]]);
+        let mesh = Mesh::of_triangles("m", positions, &[[0, 1, 4], [0, 1, 2]]);
         let topology = Topology::new(&mesh);
         let closest = |p: DVec3| (SurfacePoint::new(1, [1.0, 0.0, 0.0]), p.length());
         let resolve = |anchor| {
@@ -531,7 +538,7 @@ mod tests {
 
     #[test]
     fn coincident_anchors_are_told() {
-        let mesh = Mesh::from_triangles("m", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
+        let mesh = Mesh::of_triangles("m", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
         let at = |k: usize| {
             let mut b = [0.0; 3];
             b[k] = 1.0;

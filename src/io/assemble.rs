@@ -85,5 +85,5 @@ pub(crate) fn finish_as(mut builder: MeshBuilder, mut notes: Notes, path: &Path,
             c.normal = NONE;
         }
     }
-    Ok(LoadedMesh { mesh: builder.build(), warnings: notes.into_warnings(), scene: None })
+    Ok(LoadedMesh { mesh: builder.build()?, warnings: notes.into_warnings(), scene: None })
 }

@@ -34,7 +34,7 @@ fn mistakes_are_named_by_line() {
 #[test]
 fn every_format_comes_back() {
     let dir = tempfile::tempdir().unwrap();
-    let mesh = Mesh::from_triangles("one", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
+    let mesh = Mesh::of_triangles("one", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
     let table = AttributeTable {
         columns: vec!["a".into(), "b".into()],
         values: vec![0.1, 1.0 / 3.0, -2.0, 1e300, 7.0, 0.0],
@@ -62,7 +62,7 @@ fn every_format_comes_back() {
 #[test]
 fn colours_are_bytes_in_ply() {
     let dir = tempfile::tempdir().unwrap();
-    let mesh = Mesh::from_triangles("one", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
+    let mesh = Mesh::of_triangles("one", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
     let columns = ["red", "green", "blue"].map(str::to_owned).to_vec();
     let table = AttributeTable {
         columns,
@@ -85,7 +85,7 @@ fn colours_are_bytes_in_ply() {
 #[test]
 fn dialects_texts_and_whole_numbers_come_back() {
     let dir = tempfile::tempdir().unwrap();
-    let mesh = Mesh::from_triangles("one", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
+    let mesh = Mesh::of_triangles("one", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
     let status = [RowStatus { word: "valid", number: 2, confidence: 0.5 }; 3];
     let style = AttributeStyle { colors: false };
     // Columns in any order and case; the rows as well.

@@ -104,7 +104,7 @@ mod tests {
     fn the_first_number_that_is_not_finite_is_named() {
         let file = Path::new("out.obj");
         let triangle = || {
-            let mut mesh = Mesh::from_triangles("m", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
+            let mut mesh = Mesh::of_triangles("m", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
             mesh.texcoords = vec![DVec2::ZERO; 2];
             mesh.normals = vec![DVec3::Z];
             mesh

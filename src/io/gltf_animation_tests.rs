@@ -24,7 +24,7 @@ fn strip(n: u32) -> Mesh {
             |v: u32| Corner { vertex: v + 1, texcoord: if k == 2 && v == 4 { 2 * n } else { v }, normal: NONE };
         builder.polygon([2 * k, 2 * k + 2, 2 * k + 3, 2 * k + 1].map(corner));
     }
-    builder.build()
+    builder.finish()
 }
 
 fn materials() -> [GlbMaterial; 2] {

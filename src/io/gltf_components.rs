@@ -181,7 +181,7 @@ mod tests {
         let positions = (0..2 * n).map(|k| DVec3::new(f64::from(k / 2), f64::from(k % 2), 0.0)).collect();
         let triangles: Vec<_> =
             (0..n - 1).flat_map(|k| [[2 * k, 2 * k + 2, 2 * k + 1], [2 * k + 1, 2 * k + 2, 2 * k + 3]]).collect();
-        Mesh::from_triangles("strip", positions, &triangles)
+        Mesh::of_triangles("strip", positions, &triangles)
     }
 
     #[test]

@@ -177,7 +177,7 @@ mod tests {
             let normal = |v: u32| if hard || v > 1 { face as u32 } else { 2 };
             builder.polygon(t.map(|vertex| Corner { vertex, texcoord: NONE, normal: normal(vertex) }));
         }
-        builder.build()
+        builder.finish()
     }
 
     #[test]
@@ -204,7 +204,7 @@ mod tests {
         {
             let positions =
                 (0..9).map(|k| offset + DVec3::new(f64::from(k % 3), f64::from(k / 3), 0.0) * step).collect();
-            let mesh = Mesh::from_triangles("grid", positions, &[[0, 1, 3], [8, 7, 5], [2, 4, 6]]);
+            let mesh = Mesh::of_triangles("grid", positions, &[[0, 1, 3], [8, 7, 5], [2, 4, 6]]);
             let o = origin(&mesh);
             assert_eq!(o == DVec3::ZERO, offset.length() < 10.0, "{o}");
             for p in &mesh.positions {
@@ -213,7 +213,7 @@ mod tests {
         }
         let scaled = |s: f64| {
             let p = |x: f64, y: f64| DVec3::new(1e9 + x, y, 0.0) * s;
-            origin(&Mesh::from_triangles("t", vec![p(0.0, 0.0), p(3.0, 0.0), p(0.0, 3.0)], &[[0, 1, 2]]))
+            origin(&Mesh::of_triangles("t", vec![p(0.0, 0.0), p(3.0, 0.0), p(0.0, 3.0)], &[[0, 1, 2]]))
         };
         // The choice scales with powers of two.
         assert_eq!(scaled(2.0_f64.powi(-20)), scaled(1.0) * 2.0_f64.powi(-20));

@@ -166,7 +166,7 @@ mod tests {
         builder.polygon([corner(3, 2), corner(3, 3), corner(4, 0)]);
         builder.material = 1;
         builder.polygon([corner(1, NONE), corner(3, NONE), corner(5, NONE)]);
-        builder.build()
+        builder.finish()
     }
 
     #[test]
@@ -222,7 +222,7 @@ mod tests {
             assert_eq!(document.meshes().next().unwrap().primitives().len(), 1);
         }
         assert!(glb_bytes(&Mesh::default(), &one).is_err());
-        let far = Mesh::from_triangles("far", vec![DVec3::X * 1e300, DVec3::Y, DVec3::Z], &[[0, 1, 2]]);
+        let far = Mesh::of_triangles("far", vec![DVec3::X * 1e300, DVec3::Y, DVec3::Z], &[[0, 1, 2]]);
         assert!(glb_bytes(&far, &one).unwrap_err().to_string().contains("vertex 0"));
     }
 

@@ -115,7 +115,7 @@ mod tests {
 
     #[test]
     fn handles_beyond_a_hundred_diagonals_are_refused() {
-        let mesh = Mesh::from_triangles("m", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
+        let mesh = Mesh::of_triangles("m", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
         let diagonal = 2f64.sqrt();
         let at =
             |sizes: f64| check_handles("h.json", &mesh, &[(1, DVec3::X), (2, DVec3::new(0.0, 0.0, sizes * diagonal))]);

@@ -122,7 +122,7 @@ mod tests {
         assert_eq!(read_mask(path("german.csv"), 3, 3).unwrap(), three);
         std::fs::write(path("blanks.txt"), "0  0\n1 0\n 0.25 0.5\n").unwrap();
         assert_eq!(read_mask(path("blanks.txt"), 3, 3).unwrap(), three);
-        let mesh = Mesh::from_triangles("t", vec![glam::DVec3::ZERO, glam::DVec3::X, glam::DVec3::Y], &[[0, 1, 2]]);
+        let mesh = Mesh::of_triangles("t", vec![glam::DVec3::ZERO, glam::DVec3::X, glam::DVec3::Y], &[[0, 1, 2]]);
         write_ply(&mesh, Some(&[[0; 3], [255; 3], [51, 51, 51]]), path("m.ply")).unwrap();
         let near = |found: &[f64], expected: &[f64]| {
             assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");

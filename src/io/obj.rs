@@ -316,7 +316,7 @@ impl<'a> Reader<'a> {
         } else if self.polypaint.len() == positions && positions > 0 {
             self.builder.mesh.colors = self.polypaint;
         }
-        Ok(LoadedMesh { mesh: self.builder.build(), warnings: self.notes.into_warnings(), scene: None })
+        Ok(LoadedMesh { mesh: self.builder.build()?, warnings: self.notes.into_warnings(), scene: None })
     }
 }
 

@@ -361,7 +361,7 @@ mod tests {
             builder.polygon([0, 1, 2].map(|vertex| crate::geometry::Corner { vertex, texcoord: NONE, normal: NONE }));
         }
         let path = dir.path().join("out.obj");
-        write_obj(&builder.build(), &path).unwrap();
+        write_obj(&builder.finish(), &path).unwrap();
         let back = read_obj(&path).unwrap();
         assert!(back.warnings.is_empty(), "{:?}", back.warnings);
         assert_eq!((back.mesh.triangle_count(), back.mesh.groups.len(), back.mesh.materials.len()), (4, 3, 4));

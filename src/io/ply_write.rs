@@ -122,7 +122,7 @@ mod tests {
             builder.mesh.positions =
                 (0..sides + 1).map(|k| DVec3::new(0.1 * f64::from(k), 1.0 / 3.0, (f64::from(k)).sin())).collect();
             builder.polygon((0..sides).map(|vertex| Corner { vertex, texcoord: NONE, normal: NONE }));
-            let mesh = builder.build();
+            let mesh = builder.finish();
             let colors = vec![[1, 2, 3]; mesh.vertex_count()];
             for colors in [None, Some(&colors[..])] {
                 write_ply(&mesh, colors, &path).unwrap();

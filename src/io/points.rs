@@ -237,7 +237,7 @@ mod tests {
     fn points_and_maps() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("p.csv");
-        let mesh = Mesh::from_triangles("m", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
+        let mesh = Mesh::of_triangles("m", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
         let points = [SurfacePoint::new(0, [0.1, 0.2, 0.7]), SurfacePoint::new(0, [1.0, 0.0, 0.0])];
         write_points(&path, &points, &Answered::default()).unwrap();
         let back = read_points(&path, &mesh).unwrap().0;
@@ -295,7 +295,7 @@ mod tests {
     fn other_columns_go_into_the_answer() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("p.csv");
-        let mesh = Mesh::from_triangles("m", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
+        let mesh = Mesh::of_triangles("m", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
         std::fs::write(&path, "Name;B2;b1;B0;FACE;x\nknee;0,25;0,5;0,25;0;7\n\"a;b\";0;1;0;0;8\n").unwrap();
         let (points, answered) = read_points(&path, &mesh).unwrap();
         assert_eq!(points, [SurfacePoint::new(0, [0.25, 0.5, 0.25]), SurfacePoint::new(0, [0.0, 1.0, 0.0])]);

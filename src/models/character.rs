@@ -61,7 +61,7 @@ impl Character {
             });
             builder.polygon(corners);
         }
-        Self { mesh: builder.build(), neutral: sampled.positions(&neutral), charts, sampled }
+        Self { mesh: builder.finish(), neutral: sampled.positions(&neutral), charts, sampled }
     }
 
     /// The parameters of a point of the mesh: equal parameters are corresponding points of any two

@@ -80,7 +80,7 @@ impl Grid<'_> {
                 }
             }
         }
-        builder.build()
+        builder.finish()
     }
 }
 
@@ -192,7 +192,7 @@ pub fn tetrahedron() -> Mesh {
     let s = 1.0 / 3f64.sqrt();
     let p = [(1.0, 1.0, 1.0), (1.0, -1.0, -1.0), (-1.0, 1.0, -1.0), (-1.0, -1.0, 1.0)];
     let positions = p.map(|(x, y, z)| DVec3::new(x, y, z) * s).to_vec();
-    Mesh::from_triangles("tetrahedron", positions, &[[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]])
+    Mesh::of_triangles("tetrahedron", positions, &[[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]])
 }
 
 /// A sphere from an icosahedron whose triangles are cut into four `level` times (at most 8),
@@ -201,7 +201,7 @@ pub fn tetrahedron() -> Mesh {
 /// It has `10 * 4^level + 2` vertices; the first twelve are the icosahedron's.
 pub fn icosphere(radius: f64, level: u32) -> Mesh {
     let (positions, triangles) = icosphere_directions(level);
-    Mesh::from_triangles("icosphere", positions.into_iter().map(|p| p * radius).collect(), &triangles)
+    Mesh::of_triangles("icosphere", positions.into_iter().map(|p| p * radius).collect(), &triangles)
 }
 
 /// A closed body without symmetry: an [`icosphere`] of radius one with bumps of relative height
@@ -226,7 +226,7 @@ pub fn lobed_sphere(level: u32, amplitude: f64) -> Mesh {
             p * (1.0 + 2.0 * amplitude * bumps)
         })
         .collect();
-    Mesh::from_triangles("lobed sphere", positions, &triangles)
+    Mesh::of_triangles("lobed sphere", positions, &triangles)
 }
 
 fn icosphere_directions(level: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {

@@ -27,7 +27,7 @@ impl Walker {
         let cage = Cage::new();
         let surface = BaseSurface::new(&cage.quads, &cast::neutral().control_positions(&cage));
         let sampled = Sampled::new(&cage, &surface, &Sampling { edge, jitter: 0.2, seed: 3, shorter_diagonal: true });
-        let mesh = Mesh::from_triangles("walker", sampled.positions(&surface), &sampled.triangles);
+        let mesh = Mesh::of_triangles("walker", sampled.positions(&surface), &sampled.triangles);
         Self { mesh, cage, sampled }
     }
 

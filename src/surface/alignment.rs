@@ -373,7 +373,7 @@ mod tests {
             // A coarser one: the same vertices come first.
             let coarse = lobed_sphere(2, 0.25);
             m.positions.truncate(coarse.vertex_count());
-            Mesh::from_triangles(&m.name, m.positions, &coarse.triangles())
+            Mesh::of_triangles(&m.name, m.positions, &coarse.triangles())
         });
         let mut mirrored = straight.clone();
         mirrored.positions.iter_mut().for_each(|p| p.y = -p.y);

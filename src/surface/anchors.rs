@@ -46,7 +46,7 @@ impl AnchorPairs {
     /// anchors, components with no anchor).
     ///
     /// # Errors
-    /// For no pairs, unequal counts, or a point that is not on its mesh.
+    /// For no pairs, unequal counts, a point that is not on its mesh, or the adjacency of another mesh.
     pub fn check(&self, source: (&Mesh, &Topology), target: (&Mesh, &Topology)) -> Result<Vec<String>> {
         if self.source.len() != self.target.len() {
             return Err(Error::input(
@@ -59,6 +59,7 @@ impl AnchorPairs {
         }
         let mut warnings = Vec::new();
         for (side, points, (mesh, topology)) in [("source", &self.source, source), ("target", &self.target, target)] {
+            topology.check(mesh)?;
             for (i, p) in points.iter().enumerate() {
                 if !p.is_valid(mesh, 1e-6) {
                     return Err(Error::input(

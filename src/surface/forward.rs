@@ -177,9 +177,11 @@ impl AnyForward {
     /// Prepares the surface of `shape`.
     ///
     /// # Errors
-    /// [`Error::Input`] if the embedding is missing; [`Error::Option`] if it is in another
-    /// dimension than 4, 8, 12 and 16; as [`Forward::new`].
+    /// [`Error::Input`] if the embedding is missing; [`Error::Mesh`] for the adjacency or embedding
+    /// of another mesh; [`Error::Option`] if it is in another dimension than 4, 8, 12 and 16; as
+    /// [`Forward::new`].
     pub fn new(shape: Shape<'_>) -> Result<Self> {
+        shape.topology.check(shape.mesh)?;
         Ok(match super::correspondence::dimension(&shape, &shape)? {
             4 => Self::Four(Box::new(Forward::new(shape)?)),
             8 => Self::Eight(Box::new(Forward::new(shape)?)),

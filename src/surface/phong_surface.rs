@@ -66,10 +66,14 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
     /// unused. O(F D).
     ///
     /// # Errors
-    /// If a used vertex has a point that is not finite, or no triangle is usable.
+    /// If there is not one row a vertex, a used vertex has a point that is not finite, or no triangle is
+    /// usable.
     pub fn new(topology: &Topology, points: &[f64]) -> Result<Self> {
         let n = topology.vertex_count();
-        assert_eq!(points.len(), n * D, "one row of {D} per vertex");
+        if points.len() != n * D {
+            let what = format!("the embedding has {} numbers, not {D} for each of {n} vertices", points.len());
+            return Err(Error::input(what, "Embed this mesh"));
+        }
         let used = |v: usize| !topology.vertex_triangles(v as u32).is_empty();
         let row = |v: usize| -> Vector<f64, D> { std::array::from_fn(|i| points[v * D + i]) };
         if let Some(v) = (0..n).find(|&v| used(v) && row(v).iter().any(|x| !x.is_finite())) {

@@ -335,7 +335,7 @@ fn the_order_of_triangles_does_not_matter() {
     let mut triangles = mesh.triangles();
     triangles.reverse();
     let turned: Vec<[u32; 3]> = triangles.iter().map(|t| [t[1], t[2], t[0]]).collect();
-    let other = Mesh::from_triangles("turned", mesh.positions.clone(), &turned);
+    let other = Mesh::of_triangles("turned", mesh.positions.clone(), &turned);
     let (a, b) = (surface(&mesh), PhongSurface::<f64, 8>::new(&Topology::new(&other), &lift(&mesh)).unwrap());
     let mut rng = Random::new(11);
     for _ in 0..200 {

@@ -60,7 +60,7 @@ pub fn cover(
     }
     let usable: Vec<[u32; 3]> =
         (0..mesh.triangle_count()).filter(|&t| topology.usable[t]).map(|t| mesh.triangle(t)).collect();
-    let geodesics = Geodesics::new(&mesh.positions, &usable);
+    let geodesics = Geodesics::of(&mesh.positions, &usable);
     let mut march = March::default();
     geodesics.clear(&mut march);
     for anchor in anchors {

@@ -95,7 +95,7 @@ fn image_mesh(target: &Mesh, vertices: &VertexMap, place: impl Fn(&SurfacePoint)
         .iter()
         .map(|t| if t.iter().all(|&v| vertices.positions[v as usize].is_some()) { *t } else { [t[0]; 3] })
         .collect();
-    Mesh::from_triangles("images", at, &triangles)
+    Mesh::of_triangles("images", at, &triangles)
 }
 
 /// How far points come back to: A to B by one map and to A again by the other.

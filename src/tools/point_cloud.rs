@@ -55,7 +55,7 @@ pub fn triangles_of_points(points: &Mesh) -> Result<Mesh> {
     for t in triangles {
         builder.polygon(t.map(|vertex| Corner { vertex, texcoord: NONE, normal: NONE }));
     }
-    Ok(builder.build())
+    builder.build()
 }
 
 /// Whether a mesh is a cloud: points, and no face.
@@ -74,7 +74,7 @@ mod tests {
             (0..400).map(|k| DVec3::new(f64::from(k % 20), f64::from(k / 20), 0.0)).collect();
         // A point twice, and one that is nowhere.
         positions.extend([positions[17], DVec3::NAN]);
-        let points = Mesh::from_triangles("grid", positions, &[]);
+        let points = Mesh::of_triangles("grid", positions, &[]);
         assert!(is_cloud(&points));
         let mesh = triangles_of_points(&points).unwrap();
         assert!(!is_cloud(&mesh) && mesh.vertex_count() == 402);
@@ -87,7 +87,7 @@ mod tests {
             let found = q.position(&mesh);
             assert!(found.distance(DVec3::new(p.x, p.y, 0.0)) < 0.75, "{p}: {found}");
         }
-        let line = Mesh::from_triangles("line", (0..9).map(|k| DVec3::X * f64::from(k)).collect(), &[]);
+        let line = Mesh::of_triangles("line", (0..9).map(|k| DVec3::X * f64::from(k)).collect(), &[]);
         assert!(triangles_of_points(&line).is_err());
         assert!(triangles_of_points(&Mesh::default()).is_err());
     }

@@ -14,7 +14,7 @@ use crate::support::Folder;
 
 /// 40 vertices far from one another.
 fn markers(mesh: &Mesh) -> Vec<usize> {
-    let geodesics = Geodesics::new(&mesh.positions, &mesh.triangles());
+    let geodesics = Geodesics::new(&mesh.positions, &mesh.triangles()).unwrap();
     farthest_points(&geodesics, 0, 40).into_iter().map(|v| v as usize).collect()
 }
 

@@ -41,7 +41,7 @@ fn cube(place: impl Fn(DVec3) -> DVec3) -> Mesh {
             }
         }
     }
-    builder.build()
+    builder.build().unwrap()
 }
 
 /// Turned about y, the more the higher.

@@ -108,7 +108,7 @@ fn bad_input_is_refused_with_a_remedy() {
     f.run("decal plane.obj --anchors a.json --image a.json -o bad.png").fails(1, &["a.json", "picture"]);
     // Without texture coordinates.
     let bare = read_mesh(f.path("plane.obj")).unwrap().mesh;
-    let bare = Mesh::from_triangles("bare", bare.positions.clone(), &bare.triangles());
+    let bare = Mesh::from_triangles("bare", bare.positions.clone(), &bare.triangles()).unwrap();
     write_obj(&bare, f.path("bare.obj")).unwrap();
     f.run("decal bare.obj --anchors a.json --image d.png -o bad.png").fails(1, &["bare.obj", "barymap unwrap"]);
     f.run("decal bare.obj --anchors a.json -o fine.obj").succeeds();
@@ -118,7 +118,7 @@ fn bad_input_is_refused_with_a_remedy() {
     let n = bare.vertex_count() as u32;
     let mut triangles = bare.triangles();
     triangles.extend(bare.triangles().iter().map(|t| t.map(|v| v + n)));
-    write_obj(&Mesh::from_triangles("two", positions, &triangles), f.path("two.obj")).unwrap();
+    write_obj(&Mesh::from_triangles("two", positions, &triangles).unwrap(), f.path("two.obj")).unwrap();
     f.write("two.json", &format!("{{\"anchors\": [0, 20, {}, 420]}}", n + 440));
     f.run("decal two.obj --anchors two.json -o bad.obj").fails(1, &["anchors 0 and 2", "not connected"]);
     assert!(!f.names().iter().any(|name| name.starts_with("bad")), "{:?}", f.names());
@@ -134,7 +134,7 @@ fn meshes_with_faults_are_survived() {
     let mut triangles = mesh.triangles();
     let t = triangles[420];
     triangles.extend([[t[0], t[1], positions.len() as u32 - 1], [t[0], t[0], t[1]], triangles[5]]);
-    write_obj(&Mesh::from_triangles("odd", positions, &triangles), f.path("odd.obj")).unwrap();
+    write_obj(&Mesh::from_triangles("odd", positions, &triangles).unwrap(), f.path("odd.obj")).unwrap();
     f.run("decal odd.obj --anchors a.json -o o.obj --report r.json").succeeds();
     assert!(f.json("r.json")["shown"].as_f64().unwrap() > 0.98);
     f.run("decal odd.obj --anchors a.json -o p.obj --layout averages").succeeds();

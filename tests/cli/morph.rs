@@ -262,7 +262,7 @@ fn pairs_that_do_not_fit_are_told() {
     far.extend(sphere.triangles().iter().map(|t| t.map(|v| v + n)));
     // And an edge of three triangles, and one without area.
     far.extend([[0, 1, n + 5], [3, 3, 4]]);
-    write_obj(&Mesh::from_triangles("two", positions, &far), f.path("two.obj")).unwrap();
+    write_obj(&Mesh::from_triangles("two", positions, &far).unwrap(), f.path("two.obj")).unwrap();
     let ran = f.run("morph two.obj t.obj --pairs a.json -o odd.ply --weights 0.5,0.5 --landmarks 150");
     assert!(matches!(ran.code, Some(0 | 1)) && !ran.stderr.contains("panicked"), "{}", ran.stderr);
     assert!(!f.path("bad").exists() && !f.path("c.obj").exists());

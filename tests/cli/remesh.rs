@@ -143,7 +143,7 @@ fn bad_input_is_refused_in_one_paragraph() {
     let positions = one.positions.iter().copied().chain(far).collect();
     let triangles: Vec<[u32; 3]> =
         one.triangles().into_iter().chain(one.triangles().into_iter().map(|t| t.map(|v| v + n))).collect();
-    barymap::io::write_obj(&Mesh::from_triangles("two", positions, &triangles), f.path("two.obj")).unwrap();
+    barymap::io::write_obj(&Mesh::from_triangles("two", positions, &triangles).unwrap(), f.path("two.obj")).unwrap();
     let between: String = CUBE.lines().map(|l| l.replace("v 1 ", "v 2.4 ") + "\n").collect();
     f.write("b.obj", &between);
     f.run("remesh two.obj --base b.obj -o q.obj").fails(1, &["corners on components 0 and 1"]);

@@ -152,7 +152,7 @@ fn points_far_off_are_told_and_those_of_two_parts_refused() {
     let positions = one.positions.iter().copied().chain(one.positions.iter().map(|p| *p + DVec3::X * 3.0)).collect();
     let triangles: Vec<[u32; 3]> =
         one.triangles().into_iter().chain(one.triangles().into_iter().map(|t| t.map(|v| v + n))).collect();
-    barymap::io::write_obj(&Mesh::from_triangles("two", positions, &triangles), f.path("two.obj")).unwrap();
+    barymap::io::write_obj(&Mesh::from_triangles("two", positions, &triangles).unwrap(), f.path("two.obj")).unwrap();
     f.write("q.json", &json!([0, 5, n + 3, 9]).to_string());
     f.run("spline two.obj --points q.json -o t.obj").fails(1, &["control point 2 lies on component 1", "one part"]);
     f.write("q.json", &json!([n, n + 5, n + 3, n + 9]).to_string());

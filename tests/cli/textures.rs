@@ -54,7 +54,7 @@ fn sheet(tiles: usize) -> Mesh {
             b.polygon(q.map(|v| Corner { vertex: v, texcoord: v, normal: NONE }));
         }
     }
-    b.build()
+    b.build().unwrap()
 }
 
 /// Noise in 16 bits, transparent here and there.

@@ -34,7 +34,7 @@ pub(crate) fn soup(triangles: &[[[f64; 2]; 3]]) -> Mesh {
         }
         b.polygon((first..first + 3).map(|i| Corner { vertex: i, texcoord: i, normal: NONE }));
     }
-    b.build()
+    b.build().unwrap()
 }
 
 /// A grid of `n` x `n` squares with jittered inner points, in texture coordinates and space alike.
@@ -62,7 +62,7 @@ pub(crate) fn grid(n: usize, jitter: f64, seed: u64) -> Mesh {
             }
         }
     }
-    b.build()
+    b.build().unwrap()
 }
 
 /// Every point is its own image.

@@ -93,7 +93,7 @@ impl Tube {
         let (low, high) =
             positions.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), &p: &DVec3| (l.min(p), h.max(p)));
         let positions = positions.into_iter().map(|p| p / low.distance(high)).collect();
-        Self { mesh: Mesh::from_triangles("tube", positions, &triangles), around, rings }
+        Self { mesh: Mesh::from_triangles("tube", positions, &triangles).unwrap(), around, rings }
     }
 
     /// Half the length.

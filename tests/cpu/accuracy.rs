@@ -40,7 +40,7 @@ impl Embedded {
 
     /// `n` vertices far from one another along the surface.
     fn spread(&self, n: usize) -> Vec<u32> {
-        farthest_points(&Geodesics::new(&self.mesh.positions, &self.mesh.triangles()), 0, n)
+        farthest_points(&Geodesics::new(&self.mesh.positions, &self.mesh.triangles()).unwrap(), 0, n)
     }
 }
 
@@ -315,7 +315,7 @@ fn a_cluster_of_anchors_spoils_nothing_elsewhere() {
         let spread = target.spread(16);
         // Forty more around one of them: every third of the vertices nearest to it.
         let mut march = March::default();
-        Geodesics::new(&target.mesh.positions, &target.mesh.triangles()).distances_from(spread[1], &mut march);
+        Geodesics::new(&target.mesh.positions, &target.mesh.triangles()).unwrap().distances_from(spread[1], &mut march);
         let mut near: Vec<u32> = (0..target.mesh.vertex_count() as u32).collect();
         near.sort_by(|&a, &b| march.distances[a as usize].total_cmp(&march.distances[b as usize]).then(a.cmp(&b)));
         let mut clustered = spread.clone();

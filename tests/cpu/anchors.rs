@@ -38,7 +38,7 @@ impl Embedded {
     }
 
     fn spread(&self, n: usize) -> Vec<u32> {
-        farthest_points(&Geodesics::new(&self.mesh.positions, &self.mesh.triangles()), 0, n)
+        farthest_points(&Geodesics::new(&self.mesh.positions, &self.mesh.triangles()).unwrap(), 0, n)
     }
 }
 
@@ -172,7 +172,7 @@ fn renumbered(mesh: &Mesh) -> (Mesh, Vec<u32>) {
         .collect();
     let mut positions = vec![DVec3::ZERO; n as usize];
     (0..n as usize).for_each(|v| positions[new[v] as usize] = mesh.positions[v]);
-    (Mesh::from_triangles("copy", positions, &triangles), new)
+    (Mesh::from_triangles("copy", positions, &triangles).unwrap(), new)
 }
 
 #[test]
@@ -229,7 +229,7 @@ fn a_symmetric_mesh_whose_map_is_unsure_gets_no_vertices() {
                 triangles.push([at(i, j + 1), at(i + 1, j + 1), at(i + 1, j)]);
             }
         }
-        Embedded::new(Mesh::from_triangles("sphere", positions, &triangles))
+        Embedded::new(Mesh::from_triangles("sphere", positions, &triangles).unwrap())
     };
     let source = sphere(0.0);
     let proposed = |target: &Embedded| {

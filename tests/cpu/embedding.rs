@@ -40,7 +40,7 @@ fn torus(n: u32, m: u32, thickness: f64, offset: DVec3) -> (Vec<DVec3>, Vec<[u32
 
 fn one_torus() -> Mesh {
     let (p, t) = torus(40, 16, 0.4, DVec3::ZERO);
-    Mesh::from_triangles("torus", p, &t)
+    Mesh::from_triangles("torus", p, &t).unwrap()
 }
 
 /// Root of the mean squared relative error against fast marching, from a few vertices to all
@@ -49,7 +49,7 @@ fn relative_error(mesh: &Mesh, e: &Embedding, least: f64) -> f64 {
     let topology = Topology::new(mesh);
     let usable: Vec<[u32; 3]> =
         (0..mesh.triangle_count()).filter(|&t| topology.usable[t]).map(|t| mesh.triangle(t)).collect();
-    let geodesics = Geodesics::new(&mesh.positions, &usable);
+    let geodesics = Geodesics::new(&mesh.positions, &usable).unwrap();
     let mut march = March::default();
     let (mut sum, mut count) = (0.0, 0);
     for k in 0..12 {
@@ -80,7 +80,7 @@ fn a_flat_sheet_is_embedded_without_distortion() {
         .map(|k| (k / n, k % n))
         .flat_map(|(i, j)| [[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]])
         .collect();
-    let mesh = Mesh::from_triangles("sheet", p, &t);
+    let mesh = Mesh::from_triangles("sheet", p, &t).unwrap();
     let e = embed(&mesh, &few());
     assert!(e.relative_error() < 1e-3, "{}", e.relative_error());
     let chord = |a: u32, b: u32| {
@@ -112,7 +112,7 @@ fn scales_with_the_mesh() {
 #[test]
 fn the_number_of_threads_does_not_matter() {
     let (p, t) = torus(80, 40, 0.4, DVec3::ZERO);
-    let mesh = Mesh::from_triangles("torus", p, &t);
+    let mesh = Mesh::from_triangles("torus", p, &t).unwrap();
     let options = EmbeddingOptions { mid_level: 900, ..few() };
     let bytes = [1, 2, 3].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -124,7 +124,7 @@ fn the_number_of_threads_does_not_matter() {
 #[test]
 fn the_mid_level_mesh_costs_little_accuracy() {
     let (p, t) = torus(120, 60, 0.4, DVec3::ZERO);
-    let mesh = Mesh::from_triangles("torus", p, &t);
+    let mesh = Mesh::from_triangles("torus", p, &t).unwrap();
     let exact = embed(&mesh, &EmbeddingOptions { mid_level: usize::MAX / 8, ..few() });
     let quick = embed(&mesh, &EmbeddingOptions { mid_level: 1500, ..few() });
     let (a, b) = (relative_error(&mesh, &exact, 0.1), relative_error(&mesh, &quick, 0.1));
@@ -134,7 +134,7 @@ fn the_mid_level_mesh_costs_little_accuracy() {
 #[test]
 fn components_are_apart_and_each_as_if_alone() {
     let (mut p, mut t) = torus(40, 16, 0.4, DVec3::ZERO);
-    let alone = Mesh::from_triangles("one", p.clone(), &t);
+    let alone = Mesh::from_triangles("one", p.clone(), &t).unwrap();
     let first = p.len();
     let (q, s) = torus(20, 8, 0.3, DVec3::new(0.5, 0.0, 0.0));
     p.extend(q.iter().map(|x| *x * 0.3));
@@ -143,7 +143,7 @@ fn components_are_apart_and_each_as_if_alone() {
     let second = p.len();
     p.extend([DVec3::ZERO, DVec3::X * 0.01, DVec3::Y * 0.01, DVec3::Z]);
     t.push([second as u32, second as u32 + 1, second as u32 + 2]);
-    let mesh = Mesh::from_triangles("three", p, &t);
+    let mesh = Mesh::from_triangles("three", p, &t).unwrap();
     let e = embed(&mesh, &few());
     assert_eq!(e.warnings.len(), 2, "{:?}", e.warnings);
     assert!(e.warnings[0].contains("3 components") && e.warnings[1].contains("1 vert"));
@@ -168,7 +168,7 @@ fn thousands_of_components_stay_cheap_and_apart() {
         })
         .collect();
     let t: Vec<[u32; 3]> = (0..n).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
-    let mesh = Mesh::from_triangles("confetti", p, &t);
+    let mesh = Mesh::from_triangles("confetti", p, &t).unwrap();
     let e = embed(&mesh, &EmbeddingOptions::default());
     assert!(e.warnings[0].contains("3000 components") && e.warnings[0].contains("more"));
     assert!(e.stress < 1e-20);
@@ -205,9 +205,9 @@ fn bad_input_is_named() {
     ] {
         assert!(matches!(compute(&mesh, &topology, o), Error::Option { .. }));
     }
-    let flat = Mesh::from_triangles("line", vec![DVec3::ZERO, DVec3::X, DVec3::X * 2.0], &[[0, 1, 2]]);
+    let flat = Mesh::from_triangles("line", vec![DVec3::ZERO, DVec3::X, DVec3::X * 2.0], &[[0, 1, 2]]).unwrap();
     assert!(matches!(compute(&flat, &Topology::new(&flat), few()), Error::Mesh { .. }));
-    let none = Mesh::from_triangles("none", vec![], &[]);
+    let none = Mesh::from_triangles("none", vec![], &[]).unwrap();
     assert!(matches!(compute(&none, &Topology::new(&none), few()), Error::Mesh { .. }));
     assert!(matches!(compute(&mesh, &Topology::new(&flat), few()), Error::Mesh { .. }));
 }

@@ -42,7 +42,7 @@ impl Pair {
     }
 
     fn spread(&self, n: usize) -> Vec<u32> {
-        farthest_points(&Geodesics::new(&self.target.0.positions, &self.target.0.triangles()), 0, n)
+        farthest_points(&Geodesics::new(&self.target.0.positions, &self.target.0.triangles()).unwrap(), 0, n)
     }
 
     /// These vertices as anchors.
@@ -182,7 +182,7 @@ fn cubes(cells: &[[i32; 3]], parts: i32) -> Mesh {
             *p = p.lerp(sum / n, 0.5);
         }
     }
-    Mesh::from_triangles("cubes", positions, &triangles)
+    Mesh::from_triangles("cubes", positions, &triangles).unwrap()
 }
 
 #[test]
@@ -203,7 +203,7 @@ fn two_handles_and_three_holes() {
     let kept: Vec<[u32; 3]> =
         whole.triangles().iter().filter(|t| !t.iter().any(|&v| gone(whole.positions[v as usize]))).copied().collect();
     assert!(kept.len() < whole.triangle_count());
-    let mesh = Mesh::from_triangles("plate", whole.positions.clone(), &kept);
+    let mesh = Mesh::from_triangles("plate", whole.positions.clone(), &kept).unwrap();
     // Bumps that the target does not have, and a bend by a quarter turn.
     let mut source = mesh.clone();
     for p in &mut source.positions {
@@ -230,7 +230,7 @@ fn components_are_matched_by_their_anchors() {
         positions.extend(ball.positions.iter().map(|p| *p + at));
         let mut triangles = body.triangles().to_vec();
         triangles.extend(ball.triangles().iter().map(|t| t.map(|v| v + count)));
-        Mesh::from_triangles("both", positions, &triangles)
+        Mesh::from_triangles("both", positions, &triangles).unwrap()
     };
     let pair = Pair::new(both(DVec3::new(2.0, 0.0, 0.0)), both(DVec3::new(-2.0, 0.3, 0.0)));
     let count = body.vertex_count();

@@ -205,7 +205,7 @@ fn anchors_of_the_real_pairs_resolve() {
 fn seeds() -> Vec<(&'static str, Vec<u8>)> {
     let dir = tempfile::tempdir().unwrap();
     let positions = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
-    let mesh = Mesh::from_triangles("seed", positions, &[[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]);
+    let mesh = Mesh::from_triangles("seed", positions, &[[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]).unwrap();
     write_ply(&mesh, Some(&[[1, 2, 3]; 4]), dir.path().join("a.ply")).unwrap();
     npy::write_npy(dir.path().join("a.npy"), 2, &[1.0, 2.0, 3.0, 4.0], |_| false).unwrap();
     let png = encode_png(&Image::zeros(5, 3, 3, Depth::U8).unwrap()).unwrap();

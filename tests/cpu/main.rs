@@ -3,6 +3,7 @@
 
 mod accuracy;
 mod anchors;
+mod bad_arguments;
 #[path = "../common/mod.rs"]
 mod common;
 mod embedding;

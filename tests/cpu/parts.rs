@@ -33,7 +33,7 @@ impl Shells {
             vertices.push(v..positions.len());
             faces.push(t..triangles.len() as u32);
         }
-        Self { mesh: Mesh::from_triangles("shells", positions, &triangles), vertices, faces }
+        Self { mesh: Mesh::from_triangles("shells", positions, &triangles).unwrap(), vertices, faces }
     }
 }
 

@@ -45,7 +45,7 @@ fn stack() -> (Mesh, Vec<[u8; 3]>) {
     }
     let triangles = [[4, 5, 6], [0, 1, 2], [0, 2, 3], [4, 6, 7]];
     let colors = (0..8).map(|v| if v < 4 { RED } else { BLUE }).collect();
-    (Mesh::from_triangles("stack", positions, &triangles), colors)
+    (Mesh::from_triangles("stack", positions, &triangles).unwrap(), colors)
 }
 
 #[test]
@@ -148,11 +148,11 @@ fn perspective_keeps_straight_lines_of_the_texture_straight() {
 fn nothing_to_see_gives_the_background() {
     let background = [10, 20, 30, 40];
     let options = RenderOptions { background, ..flat(5, 4) };
-    let nan = Mesh::from_triangles("nan", vec![DVec3::NAN; 3], &[[0, 1, 2]]);
-    let point = Mesh::from_triangles("point", vec![DVec3::ONE; 3], &[[0, 1, 2]]);
+    let nan = Mesh::from_triangles("nan", vec![DVec3::NAN; 3], &[[0, 1, 2]]).unwrap();
+    let point = Mesh::from_triangles("point", vec![DVec3::ONE; 3], &[[0, 1, 2]]).unwrap();
     let huge = [DVec3::splat(f64::MAX), DVec3::splat(-f64::MAX), DVec3::X];
-    let huge = Mesh::from_triangles("huge", huge.to_vec(), &[[0, 1, 2]]);
-    for mesh in [Mesh::from_triangles("empty", Vec::new(), &[]), nan, point, huge] {
+    let huge = Mesh::from_triangles("huge", huge.to_vec(), &[[0, 1, 2]]).unwrap();
+    for mesh in [Mesh::from_triangles("empty", Vec::new(), &[]).unwrap(), nan, point, huge] {
         let anchors = [SurfacePoint::new(0, [1.0, 0.0, 0.0]), SurfacePoint::new(9, [f64::NAN; 3])];
         let picture = render(&mesh, Coloring::Plain(RED), &anchors, &options).unwrap();
         assert_eq!(picture.dimensions(), (5, 4));

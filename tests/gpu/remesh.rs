@@ -144,7 +144,7 @@ fn remeshing_on_a_device_is_remeshing() {
         let v = |i: u32, j: u32| Corner { vertex: (j % 8) * 12 + i % 12, texcoord: NONE, normal: NONE };
         builder.polygon([v(i, j), v(i + 1, j), v(i + 1, j + 1), v(i, j + 1)]);
     }
-    let base = builder.build();
+    let base = builder.build().unwrap();
     for evenness in [Evenness::Fixed(0.0), Evenness::Auto] {
         let options = RemeshOptions { levels: 3, smooth: 3, evenness, ..RemeshOptions::default() };
         let mut remesher = Remesher::new(model.shape(), &base, &options).unwrap();

@@ -32,7 +32,7 @@ pub(crate) fn pair(source: &str, target: &str, anchors: usize) -> Scene {
         (mesh, topology, embedding)
     };
     let (source, target) = (read(source), read(target));
-    let vertices = farthest_points(&Geodesics::new(&target.0.positions, &target.0.triangles()), 0, anchors);
+    let vertices = farthest_points(&Geodesics::new(&target.0.positions, &target.0.triangles()).unwrap(), 0, anchors);
     let on = |side: &Surface| -> Vec<SurfacePoint> {
         vertices.iter().map(|&v| vertex_point(&side.0, &side.1, v, "anchor").unwrap()).collect()
     };

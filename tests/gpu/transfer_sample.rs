@@ -287,7 +287,7 @@ impl Scene {
             builder.material = (t % 2) as u32;
             builder.polygon(plain.triangle_corners(t));
         }
-        let mut source = builder.build();
+        let mut source = builder.build().unwrap();
         for uv in &mut source.texcoords {
             *uv = *uv * 2.5 - 0.7;
         }

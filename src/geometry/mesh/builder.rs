@@ -3,12 +3,16 @@
 use glam::DVec3;
 
 use super::{Corner, Mesh, NONE};
+use crate::error::{Error, Result};
 use crate::geometry::triangulate::triangulate;
+
+/// The remedy for an index that is out of range.
+const COUNT: &str = "Indices count from 0: correct the index, or give what it names";
 
 /// Builds a [`Mesh`] polygon by polygon.
 ///
-/// Indices are not checked here: a reader checks them where it knows the line (`io`), and
-/// [`MeshBuilder::build`] panics on an index out of range, which is a bug of the reader.
+/// Indices are checked by [`MeshBuilder::build`]. A reader checks them before, where it has the line
+/// (`io`).
 #[derive(Debug, Default)]
 pub struct MeshBuilder {
     /// Positions, texture coordinates, normals, materials and groups are filled in directly.
@@ -60,7 +64,7 @@ impl MeshBuilder {
     }
 
     /// Adds to a mesh, whose numbers, triangles and joined vertices stay.
-    pub fn onto(mut mesh: Mesh) -> Self {
+    pub(crate) fn onto(mut mesh: Mesh) -> Self {
         let joined = mesh.representatives.clone();
         mesh.join((0..mesh.vertex_count() as u32).collect());
         Self { triangulated: mesh.polygon_count(), joined, ..Self::of(mesh) }
@@ -89,21 +93,20 @@ impl MeshBuilder {
 
     /// The finished mesh, with its triangles. O(corners log corners) at worst.
     ///
-    /// # Panics
-    /// If a corner, material or group index is out of range.
-    pub fn build(self) -> Mesh {
-        let mut m = self.mesh;
-        let ok = |i: u32, n: usize| i == NONE || (i as usize) < n;
-        for c in &m.corners {
-            assert!((c.vertex as usize) < m.positions.len(), "vertex {} of {}", c.vertex, m.positions.len());
-            assert!(
-                ok(c.texcoord, m.texcoords.len()) && ok(c.normal, m.normals.len()),
-                "corner attribute out of range"
-            );
+    /// # Errors
+    /// [`Error::Mesh`] naming the face and corner, or the face, whose index is out of range; for
+    /// colours that are not one a vertex; for more than 2^32 - 2 vertices or corners.
+    pub fn build(self) -> Result<Mesh> {
+        match self.fault() {
+            None => Ok(self.finish()),
+            Some((what, remedy)) => Err(Error::mesh(self.mesh.name, what, remedy)),
         }
-        assert!(m.polygon_material.iter().all(|&i| ok(i, m.materials.len())), "material out of range");
-        let groups = m.polygon_group.iter().chain(&m.polygon_object);
-        assert!(groups.into_iter().all(|&i| ok(i, m.groups.len())), "group out of range");
+    }
+
+    /// As [`MeshBuilder::build`], for indices that are right by construction.
+    pub(crate) fn finish(self) -> Mesh {
+        debug_assert_eq!(self.fault(), None);
+        let mut m = self.mesh;
         for p in self.triangulated..m.polygon_count() {
             let first = m.polygon_start[p];
             let positions: Vec<DVec3> = m.polygon(p).iter().map(|c| m.positions[c.vertex as usize]).collect();
@@ -117,5 +120,48 @@ impl MeshBuilder {
             m.join(joined);
         }
         m
+    }
+
+    /// The first thing that keeps the mesh from being built, and its remedy.
+    fn fault(&self) -> Option<(String, &'static str)> {
+        let m = &self.mesh;
+        for (what, count) in [("vertices", m.positions.len()), ("corners", m.corners.len())] {
+            if count >= NONE as usize {
+                return Some((format!("{count} {what} are more than 2^32 - 2"), "Split the mesh"));
+            }
+        }
+        if ![0, m.positions.len()].contains(&m.colors.len()) {
+            let what = format!("there are {} colours for {} vertices", m.colors.len(), m.positions.len());
+            return Some((what, "Give one colour a vertex, or none"));
+        }
+        let beyond = |i: u32, n: usize| i != NONE && i as usize >= n;
+        for p in 0..m.polygon_count() {
+            for (k, c) in m.polygon(p).iter().enumerate() {
+                if c.vertex as usize >= m.positions.len() {
+                    let what = format!("face {p}, corner {k}: there is no vertex {}", c.vertex);
+                    return Some((format!("{what}, there are {}", m.positions.len()), COUNT));
+                }
+                for (name, index, count) in
+                    [("texture coordinate", c.texcoord, m.texcoords.len()), ("normal", c.normal, m.normals.len())]
+                {
+                    if beyond(index, count) {
+                        return Some((
+                            format!("face {p}, corner {k}: there is no {name} {index}, there are {count}"),
+                            COUNT,
+                        ));
+                    }
+                }
+            }
+            for (name, index, count) in [
+                ("material", m.polygon_material[p], m.materials.len()),
+                ("group", m.polygon_group[p], m.groups.len()),
+                ("object", m.polygon_object[p], m.groups.len()),
+            ] {
+                if beyond(index, count) {
+                    return Some((format!("face {p}: there is no {name} {index}, there are {count}"), COUNT));
+                }
+            }
+        }
+        None
     }
 }

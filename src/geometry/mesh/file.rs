@@ -21,7 +21,7 @@ impl Mesh {
     /// # Panics
     /// If the length differs from the number of vertices, a representative comes after a vertex
     /// that it stands for, or does not stand for itself.
-    pub fn join(&mut self, representatives: Vec<u32>) {
+    pub(crate) fn join(&mut self, representatives: Vec<u32>) {
         assert_eq!(representatives.len(), self.positions.len(), "one representative a vertex");
         self.mend();
         for (v, &r) in representatives.iter().enumerate() {
@@ -140,7 +140,7 @@ impl Mesh {
     ///
     /// # Panics
     /// If the numbers of vertices differ.
-    pub fn join_as(&mut self, other: &Self) {
+    pub(crate) fn join_as(&mut self, other: &Self) {
         assert_eq!(self.vertex_count(), other.vertex_count(), "the same vertices");
         self.join((0..self.vertex_count() as u32).map(|v| other.representative(v)).collect());
     }
@@ -158,7 +158,7 @@ impl Mesh {
     ///
     /// # Panics
     /// If the numbers of vertices or corners differ.
-    pub fn connect_as(&mut self, other: &Self) {
+    pub(crate) fn connect_as(&mut self, other: &Self) {
         assert_eq!(self.polygon_corners(), other.polygon_corners(), "the same polygons");
         self.join_as(other);
         let triangles = 0..other.file_triangle_count();

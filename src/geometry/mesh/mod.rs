@@ -1,5 +1,6 @@
 //! Polygon meshes as files hold them, seen as triangles.
 
+mod arrays;
 mod builder;
 mod file;
 
@@ -7,10 +8,12 @@ use std::collections::{BTreeMap, HashMap};
 
 use glam::{DVec2, DVec3};
 
+pub use arrays::Texcoords;
 pub use builder::MeshBuilder;
 
 use super::material::Material;
 use super::pieces::Pieces;
+use crate::error::Result;
 
 /// Marks a missing index (no texture coordinate, no neighbour).
 pub const NONE: u32 = u32::MAX;
@@ -75,15 +78,28 @@ pub struct Mesh {
     pieces: Pieces,
 }
 
+/// A builder that has triangles without texture coordinates.
+fn builder_of(name: impl Into<String>, positions: Vec<DVec3>, triangles: &[[u32; 3]]) -> MeshBuilder {
+    let mut builder = MeshBuilder::new(name);
+    builder.mesh.positions = positions;
+    for t in triangles {
+        builder.polygon(t.iter().map(|&vertex| Corner { vertex, texcoord: NONE, normal: NONE }));
+    }
+    builder
+}
+
 impl Mesh {
     /// A mesh of triangles with no texture coordinates.
-    pub fn from_triangles(name: impl Into<String>, positions: Vec<DVec3>, triangles: &[[u32; 3]]) -> Self {
-        let mut builder = MeshBuilder::new(name);
-        builder.mesh.positions = positions;
-        for t in triangles {
-            builder.polygon(t.iter().map(|&vertex| Corner { vertex, texcoord: NONE, normal: NONE }));
-        }
-        builder.build()
+    ///
+    /// # Errors
+    /// [`Error::Mesh`](crate::Error::Mesh) naming the face and corner whose vertex does not exist.
+    pub fn from_triangles(name: impl Into<String>, positions: Vec<DVec3>, triangles: &[[u32; 3]]) -> Result<Self> {
+        builder_of(name, positions, triangles).build()
+    }
+
+    /// As [`Mesh::from_triangles`], for triangles that are right by construction.
+    pub(crate) fn of_triangles(name: impl Into<String>, positions: Vec<DVec3>, triangles: &[[u32; 3]]) -> Self {
+        builder_of(name, positions, triangles).finish()
     }
 
     /// Gives all polygons one material, in place of those that they have.
@@ -274,7 +290,7 @@ mod tests {
     fn halves() -> Mesh {
         let p = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
         let positions = p.map(|[x, y]| DVec3::new(x, y, 0.0)).to_vec();
-        Mesh::from_triangles("halves", positions, &[[0, 1, 2], [3, 4, 5]])
+        Mesh::of_triangles("halves", positions, &[[0, 1, 2], [3, 4, 5]])
     }
 
     #[test]
@@ -301,7 +317,7 @@ mod tests {
         let mut builder = MeshBuilder::onto(mesh.clone());
         builder.mesh.positions.push(DVec3::Z);
         builder.polygon([3, 4, 6].map(|vertex| Corner { vertex, texcoord: NONE, normal: NONE }));
-        let more = builder.build();
+        let more = builder.finish();
         assert_eq!(more.triangles(), [[0, 1, 2], [0, 2, 5], [0, 2, 6]]);
         assert_eq!(more.file_triangle_corners(2).map(|c| c.vertex), [3, 4, 6]);
         let moved: Vec<DVec3> = mesh.positions.iter().map(|p| *p * 2.0).collect();
@@ -321,7 +337,7 @@ mod tests {
         builder.polygon([0, 1].map(corner));
         builder.polygon([0, 1, 2, 3, 4, 5].map(corner));
         assert!(builder.has_faces());
-        let mut mesh = builder.build();
+        let mut mesh = builder.finish();
         assert_eq!((mesh.triangle_count(), mesh.triangle_polygon(1)), (5, 2));
         assert!((mesh.area() - 3.5).abs() < 1e-15);
         for t in 1..5 {

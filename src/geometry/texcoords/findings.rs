@@ -162,7 +162,7 @@ mod tests {
             b.material = material;
             b.polygon((first..first + 4).map(|i| Corner { vertex: i, texcoord: i, normal: NONE }));
         }
-        b.build()
+        b.finish()
     }
 
     #[test]

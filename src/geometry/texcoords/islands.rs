@@ -222,7 +222,7 @@ mod tests {
                 normal: NONE,
             }));
         }
-        let ring = Islands::new(&ring.build());
+        let ring = Islands::new(&ring.finish());
         assert_eq!((ring.islands.len(), ring.islands[0].euler, ring.islands[0].is_disk()), (1, 0, false));
 
         let mut fold = plane_grid(4, 2, 1.0, 1.0, Diagonal::default());
@@ -243,7 +243,7 @@ mod tests {
         mesh.texcoords[t[1].texcoord as usize] = a;
         let found = Islands::new(&mesh);
         assert!(found.flat.contains(&1) && found.island_of[1] == NONE);
-        let bare = Mesh::from_triangles("bare", mesh.positions.clone(), &mesh.triangles());
+        let bare = Mesh::of_triangles("bare", mesh.positions.clone(), &mesh.triangles());
         assert_eq!(Islands::new(&bare).missing.len(), mesh.triangle_count());
     }
 }

@@ -278,7 +278,7 @@ mod tests {
                 normal: NONE,
             }));
         }
-        mesh.build()
+        mesh.finish()
     }
 
     #[test]
@@ -322,7 +322,7 @@ mod tests {
             two.mesh.texcoords = mesh.texcoords.clone();
             two.polygon([0, 1, 2].map(corner));
             two.polygon([3, 4, 5].map(corner));
-            two.build()
+            two.finish()
         };
         let count = |mesh: &Mesh| overlaps(mesh, &Islands::new(mesh), &OverlapOptions::default()).triangles.len();
         assert_eq!(count(&two(&mesh)), 0);
@@ -345,7 +345,7 @@ mod tests {
                 normal: NONE,
             }));
         }
-        let mesh = builder.build();
+        let mesh = builder.finish();
         let islands = Islands::new(&mesh);
         assert!(overlaps(&mesh, &islands, &OverlapOptions::default()).overlaps.is_empty());
         let found = overlaps(&mesh, &islands, &OverlapOptions { repeat: true, ..OverlapOptions::default() });

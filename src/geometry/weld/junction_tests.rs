@@ -85,7 +85,7 @@ fn further_corners_have_the_texture_and_the_normals_of_their_edge() {
     for t in whole.triangles() {
         builder.polygon(t.map(|vertex| Corner { vertex, texcoord: vertex, normal: vertex }));
     }
-    let mut cut = builder.build();
+    let mut cut = builder.finish();
     weld(&mut cut, Weld::Exact, &[]).unwrap();
     for mesh in [cut.clone(), cut.with_corners(|c| c)] {
         for t in 0..mesh.triangle_count() {
@@ -146,7 +146,7 @@ fn refined(mesh: &Mesh) -> Mesh {
         let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
         triangles.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
     }
-    Mesh::from_triangles("refined", positions, &triangles)
+    Mesh::of_triangles("refined", positions, &triangles)
 }
 
 #[test]

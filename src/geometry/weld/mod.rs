@@ -167,12 +167,13 @@ pub fn weld_alike(meshes: &mut [Mesh], rule: Weld) -> Result<()> {
 /// any valence.
 ///
 /// # Errors
-/// [`Error::Option`] for a tolerance that is negative, not finite, or longer than the mean edge.
-///
-/// # Panics
-/// If a layer does not have one position a vertex.
+/// [`Error::Option`] for a tolerance that is negative, not finite, or longer than the mean edge;
+/// [`Error::Mesh`] for a layer that does not have one position a vertex.
 pub fn weld(mesh: &mut Mesh, weld: Weld, layers: &[&[DVec3]]) -> Result<Welded> {
-    assert!(layers.iter().all(|l| l.len() == mesh.vertex_count()), "one position a vertex in every layer");
+    if let Some((k, layer)) = layers.iter().enumerate().find(|(_, l)| l.len() != mesh.vertex_count()) {
+        let what = format!("layer {k} has {} positions for {} vertices", layer.len(), mesh.vertex_count());
+        return Err(Error::mesh(&mesh.name, what, "Give one position a vertex in every layer"));
+    }
     mesh.join((0..mesh.vertex_count() as u32).collect());
     let wide = match weld {
         Weld::No => return Ok(Welded::default()),

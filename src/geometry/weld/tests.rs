@@ -8,7 +8,7 @@ use crate::models::shapes::uv_sphere;
 
 /// A mesh of triangles over points.
 pub(super) fn mesh(positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> Mesh {
-    Mesh::from_triangles("m", positions.iter().map(|p| DVec3::from(*p)).collect(), triangles)
+    Mesh::of_triangles("m", positions.iter().map(|p| DVec3::from(*p)).collect(), triangles)
 }
 
 /// Every face with vertices of its own, in the order of the faces.
@@ -33,7 +33,7 @@ fn rebuilt(welded: &Mesh, key: impl Fn(usize, Corner) -> u32) -> Mesh {
         });
         builder.polygon(corners);
     }
-    builder.build()
+    builder.finish()
 }
 
 /// The vertices of `mesh` are joined as those of `truth`, whose faces are the same in the same
@@ -71,7 +71,7 @@ pub(super) fn grid(n: u32) -> Mesh {
             builder.polygon([at(0, 0), at(1, 1), at(0, 1)]);
         }
     }
-    builder.build()
+    builder.finish()
 }
 
 /// The grid cut along the vertices (1..n, row) of the middle row: those above the cut have vertices
@@ -161,7 +161,7 @@ fn grid_with_shifted_upper_half(mesh: &Mesh, n: u32) -> Mesh {
         let shift = if t as u32 / 2 / n >= n / 2 { mesh.texcoords.len() as u32 } else { 0 };
         builder.polygon(mesh.triangle_corners(t).map(|c| Corner { texcoord: c.texcoord + shift, ..c }));
     }
-    builder.build()
+    builder.finish()
 }
 
 #[test]
@@ -184,7 +184,7 @@ fn hard_edges_are_joined() {
             builder.polygon(corners);
         }
     }
-    let mut cube = builder.build();
+    let mut cube = builder.finish();
     let report = weld(&mut cube, Weld::Exact, &[]).unwrap();
     assert_eq!((report.vertices, report.edges), (16, 12));
     let d = diagnosis(&cube);
@@ -207,7 +207,7 @@ fn together(parts: &[Mesh]) -> Mesh {
         positions.extend_from_slice(&part.positions);
         triangles.extend(part.triangles().into_iter().map(|t| t.map(|v| v + base)));
     }
-    Mesh::from_triangles("together", positions, &triangles)
+    Mesh::of_triangles("together", positions, &triangles)
 }
 
 #[test]
@@ -273,7 +273,7 @@ fn faces_turned_over_stay_apart_with_a_note() {
 #[test]
 fn copies_of_a_face_and_backs_are_sheets_of_their_own() {
     let sheet = grid(3);
-    let back = Mesh::from_triangles(
+    let back = Mesh::of_triangles(
         "back",
         sheet.positions.clone(),
         &sheet.triangles().into_iter().map(|[a, b, c]| [a, c, b]).collect::<Vec<_>>(),
@@ -336,7 +336,7 @@ fn polygons_of_one_connectivity_have_one_triangulation() {
         builder.mesh.positions = vec![DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Y];
         builder.mesh.positions[inner] = DVec3::new(0.4, 0.4, 0.0) + 0.2 * DVec3::new((inner / 2) as f64, 0.0, 0.0);
         builder.polygon([0, 1, 2, 3].map(|vertex| Corner { vertex, texcoord: NONE, normal: NONE }));
-        builder.build()
+        builder.finish()
     };
     let mut shapes = [quad(2), quad(1)];
     shapes[1].positions[1] = DVec3::new(0.3, 0.4, 0.0);
@@ -344,7 +344,7 @@ fn polygons_of_one_connectivity_have_one_triangulation() {
         let mut builder = MeshBuilder::new("again");
         builder.mesh.positions = m.positions.clone();
         builder.polygon(m.file_polygon(0));
-        builder.build()
+        builder.finish()
     });
     assert_ne!(shapes[0].triangles(), shapes[1].triangles());
     weld_alike(&mut shapes, Weld::Exact).unwrap();

@@ -121,7 +121,7 @@ fn tracks_of_weights_that_are_there_get_room() {
     assert_eq!(json["meshes"][0]["weights"], json!([0.0, 0.25, 0.0, 0.0]));
     assert_eq!(json["animations"][1]["samplers"][0]["output"], json!([0.5, 0.0, 1.0, 0.0, 0.5, 0.0, 0.0, 1.0]));
     samples::check_valid(&[("tracks".into(), after)]);
-    let other = Mesh::from_triangles("t", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
+    let other = Mesh::of_triangles("t", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
     let short: Vec<Vec<Vec3>> = frames.iter().map(|f| f[..3].to_vec()).collect();
     let animation = GlbAnimation { frames: &short[3..], ..animation };
     assert!(animated_scene_bytes(scene.as_ref().unwrap(), &other, &animation).is_err());

@@ -132,7 +132,7 @@ fn text_with_buffers_and_pictures_of_its_own_becomes_one_file() {
 #[test]
 fn another_mesh_is_refused() {
     let loaded = read(&samples::rigged().glb());
-    let other = Mesh::from_triangles("t", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
+    let other = Mesh::of_triangles("t", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
     let scene = loaded.scene.unwrap();
     assert!(scene.edit().shape(&other).unwrap_err().to_string().contains("3 vertices and 1 triangles"));
     assert!(scene.edit().texcoords(&other, KeepTextures::No).is_err());

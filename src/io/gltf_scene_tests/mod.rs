@@ -199,7 +199,7 @@ fn charted(mesh: &Mesh) -> Mesh {
         let corners = mesh.file_triangle_corners(t);
         builder.polygon((0..3).map(|k| Corner { texcoord: first + k as u32, ..corners[k] }));
     }
-    builder.build()
+    builder.finish()
 }
 
 fn close(a: &[DVec3], b: &[DVec3], tolerance: f64) -> bool {

@@ -204,7 +204,7 @@ mod tests {
     use super::*;
 
     fn mesh(triangles: &[[u32; 3]], positions: &[DVec3]) -> Mesh {
-        Mesh::from_triangles("cage.obj", positions.to_vec(), triangles)
+        Mesh::of_triangles("cage.obj", positions.to_vec(), triangles)
     }
 
     #[test]

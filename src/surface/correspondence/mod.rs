@@ -208,6 +208,11 @@ fn other_dimension(d: usize) -> Error {
 
 /// The common dimension of two embedded shapes.
 pub(crate) fn dimension(source: &Shape<'_>, target: &Shape<'_>) -> Result<usize> {
+    for (shape, e) in [source, target].into_iter().filter_map(|s| s.embedding.map(|e| (s, e))) {
+        if e.points.len() != e.dimension * shape.mesh.vertex_count() {
+            return Err(Error::mesh(&shape.mesh.name, "its embedding is that of another mesh", "Embed this mesh"));
+        }
+    }
     match (source.embedding, target.embedding) {
         (Some(a), Some(b)) if a.dimension == b.dimension => Ok(a.dimension),
         (Some(a), Some(b)) => Err(Error::input(

@@ -172,14 +172,14 @@ mod tests {
     #[test]
     fn the_key_sees_everything() {
         let p = vec![glam::DVec3::ZERO, glam::DVec3::X, glam::DVec3::Y];
-        let mesh = Mesh::from_triangles("a", p.clone(), &[[0, 1, 2]]);
+        let mesh = Mesh::of_triangles("a", p.clone(), &[[0, 1, 2]]);
         let options = EmbeddingOptions::default();
         let key = cache_key(&mesh, &options);
-        assert_eq!(key, cache_key(&Mesh::from_triangles("b", p.clone(), &[[0, 1, 2]]), &options));
-        assert_ne!(key, cache_key(&Mesh::from_triangles("a", p.clone(), &[[0, 2, 1]]), &options));
+        assert_eq!(key, cache_key(&Mesh::of_triangles("b", p.clone(), &[[0, 1, 2]]), &options));
+        assert_ne!(key, cache_key(&Mesh::of_triangles("a", p.clone(), &[[0, 2, 1]]), &options));
         assert_ne!(key, cache_key(&mesh, &EmbeddingOptions { dimension: 12, ..options }));
         let mut moved = p;
         moved[1].x += 1e-15;
-        assert_ne!(key, cache_key(&Mesh::from_triangles("a", moved, &[[0, 1, 2]]), &options));
+        assert_ne!(key, cache_key(&Mesh::of_triangles("a", moved, &[[0, 1, 2]]), &options));
     }
 }

@@ -57,7 +57,7 @@ impl MidLevel {
     }
 
     fn geodesics(&self) -> Geodesics {
-        Geodesics::new(&self.positions, &self.triangles)
+        Geodesics::of(&self.positions, &self.triangles)
     }
 }
 

@@ -151,9 +151,7 @@ impl Embedding {
         progress: &dyn Progress,
     ) -> Result<Self> {
         options.check()?;
-        if topology.vertex_count() != mesh.vertex_count() || topology.triangles.len() != mesh.triangle_count() {
-            return Err(Error::mesh(&mesh.name, "its adjacency is that of another mesh", "Build it from this mesh"));
-        }
+        topology.check(mesh)?;
         let unit = parts::unit_length(mesh, topology);
         if topology.component_count == 0 || !unit.is_finite() || unit <= 0.0 {
             return Err(Error::mesh(

@@ -101,7 +101,7 @@ mod tests {
     fn parts_share_area_and_landmarks() {
         let p: Vec<DVec3> =
             [DVec3::ZERO, DVec3::X * 3.0, DVec3::Y * 3.0, DVec3::Z, DVec3::Z + DVec3::X, DVec3::Z + DVec3::Y].into();
-        let mesh = Mesh::from_triangles("two", p, &[[3, 4, 5], [0, 1, 2]]);
+        let mesh = Mesh::of_triangles("two", p, &[[3, 4, 5], [0, 1, 2]]);
         let topology = Topology::new(&mesh);
         let unit = unit_length(&mesh, &topology);
         assert!((unit - 5f64.sqrt()).abs() < 1e-15);

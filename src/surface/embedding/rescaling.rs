@@ -211,7 +211,7 @@ mod tests {
         two.positions.iter_mut().for_each(|p| p.x += 4.0);
         let n = one.vertex_count() as u32;
         let triangles = [one.triangles(), two.triangles().iter().map(|t| t.map(|v| v + n)).collect()].concat();
-        let mesh = Mesh::from_triangles("two", [one.positions, two.positions].concat(), &triangles);
+        let mesh = Mesh::of_triangles("two", [one.positions, two.positions].concat(), &triangles);
         let (topology, e) = embedded(&mesh);
         let scaling = Rescaling::new(&mesh, &topology, &e, &options(), &Quiet).unwrap();
         // Only the second is given a start, somewhere else.

@@ -222,7 +222,7 @@ fn place(
     spacing: f64,
 ) {
     let [source, target] = &growing.couple.sides;
-    let geodesics = Geodesics::new(&target.positions, &target.triangles);
+    let geodesics = Geodesics::of(&target.positions, &target.triangles);
     let mut march = March::default();
     geodesics.clear(&mut march);
     let corner = |p: &SurfacePoint| target.topology.triangles[p.face as usize][p.dominant_corner()];

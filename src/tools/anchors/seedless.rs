@@ -52,7 +52,7 @@ struct Tips {
 impl Tips {
     fn new(couple: &Couple<'_>, side: usize) -> Self {
         let side = &couple.sides[side];
-        let geodesics = Geodesics::new(&side.positions, &side.triangles);
+        let geodesics = Geodesics::of(&side.positions, &side.triangles);
         let mut tips = extremities(side, &geodesics);
         tips.retain(|t| t.height >= LIMB);
         tips.truncate(LIMBS);

@@ -60,7 +60,7 @@ pub fn suggest(source: Shape<'_>, target: Shape<'_>, pairs: &AnchorPairs, count:
         .collect();
     let usable: Vec<[u32; 3]> =
         topology.triangles.iter().zip(&topology.usable).filter(|(_, u)| **u).map(|(t, _)| *t).collect();
-    let geodesics = Geodesics::new(&mesh.positions, &usable);
+    let geodesics = Geodesics::of(&mesh.positions, &usable);
     let mut anchored = March::default();
     geodesics.clear(&mut anchored);
     for p in &pairs.target {

@@ -20,7 +20,7 @@ fn boxed() -> (Mesh, Motion, Similarity) {
         [1, 5, 7],
         [1, 7, 3],
     ];
-    let mesh = Mesh::from_triangles("box", (0..8).map(corner).collect(), &triangles);
+    let mesh = Mesh::of_triangles("box", (0..8).map(corner).collect(), &triangles);
     let to_clip = Similarity {
         rotation: DMat3::from_rotation_x(std::f64::consts::FRAC_PI_2),
         scale: 1000.0,

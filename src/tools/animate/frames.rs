@@ -138,7 +138,7 @@ fn with_corners(mesh: &Mesh, corner: DVec3) -> Mesh {
     for vertex in count..count + 8 {
         builder.polygon([Corner { vertex, texcoord: NONE, normal: NONE }; 3]);
     }
-    builder.build()
+    builder.finish()
 }
 
 #[cfg(test)]
@@ -148,7 +148,7 @@ mod tests {
 
     fn tetrahedron() -> Mesh {
         let positions = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
-        Mesh::from_triangles("tetrahedron", positions, &[[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+        Mesh::of_triangles("tetrahedron", positions, &[[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
     }
 
     #[test]

@@ -81,7 +81,7 @@ fn scalars_are_linear_in_the_sources_triangle() {
 
 #[test]
 fn the_corners_with_a_label_weigh_together() {
-    let mesh = Mesh::from_triangles("one", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
+    let mesh = Mesh::of_triangles("one", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
     let map = |_| (SurfacePoint::new(0, [0.4, 0.3, 0.3]), Status::Valid);
     let labels = attribute(AttributeKind::Labels, 1, vec![1.0, 2.0, 2.0]);
     let out = run(&mesh, &mesh, map, &[labels], Fill::None).unwrap();
@@ -90,7 +90,7 @@ fn the_corners_with_a_label_weigh_together() {
 
 #[test]
 fn weights_are_the_largest_few_and_sum_to_one() {
-    let mesh = Mesh::from_triangles("one", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
+    let mesh = Mesh::of_triangles("one", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
     let map = |_| (SurfacePoint::new(0, [0.5, 0.25, 0.25]), Status::Valid);
     let rows = vec![4.0, 0.0, 0.0, 4.0, 0.0, 4.0, 4.0, 0.0, 0.0, 2.0, 0.0, 2.0];
     let keep = |keep| attribute(AttributeKind::Weights { keep }, 4, rows.clone());
@@ -138,7 +138,7 @@ fn a_mirror_image_turns_handedness_over() {
     // Seen from the same side.
     let mirrored = source.positions.iter().map(|p| DVec3::new(-p.x, p.y, p.z)).collect();
     let turned: Vec<[u32; 3]> = source.triangles().iter().map(|[a, b, c]| [*a, *c, *b]).collect();
-    let target = Mesh::from_triangles("mirrored", mirrored, &turned);
+    let target = Mesh::of_triangles("mirrored", mirrored, &turned);
     let same = |p: SurfacePoint| {
         let [a, b, c] = p.barycentric;
         (SurfacePoint::new(p.face, [a, c, b]), Status::Valid)
@@ -214,7 +214,7 @@ fn a_part_without_anything_stays_without() {
     positions.push(DVec3::ZERO);
     let n = one.vertex_count() as u32;
     let triangles: Vec<[u32; 3]> = one.triangles().iter().flat_map(|t| [*t, t.map(|v| v + n)]).collect();
-    let mesh = Mesh::from_triangles("two", positions, &triangles);
+    let mesh = Mesh::of_triangles("two", positions, &triangles);
     let map = |p: SurfacePoint| (p, if mesh.triangle(p.face as usize)[0] < n { Status::Valid } else { Status::Failed });
     let values = vec![1.0; mesh.vertex_count()];
     let out = run(&mesh, &mesh, map, &[attribute(AttributeKind::Scalars, 1, values)], Fill::Smooth).unwrap();

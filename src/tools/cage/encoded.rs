@@ -34,7 +34,7 @@ impl Encoded {
     /// # Errors
     /// [`Error::Numeric`] where no finite in-between is found, and what [`Morpher::new`] refuses.
     pub fn new(cage: &Cage) -> Result<Self> {
-        let mesh = |name: &str, p: &[DVec3]| Mesh::from_triangles(name, p.to_vec(), &cage.triangles);
+        let mesh = |name: &str, p: &[DVec3]| Mesh::of_triangles(name, p.to_vec(), &cage.triangles);
         let (source, target) = (mesh("the source cage", &cage.source), mesh("the target cage", &cage.target));
         let mut morpher = Morpher::new(&[&source, &target], None, &HierarchyOptions::default())?;
         let mut notes = std::mem::take(&mut morpher.warnings);
@@ -143,7 +143,7 @@ mod tests {
                 normal: crate::geometry::NONE,
             }));
         }
-        let mesh = builder.build();
+        let mesh = builder.finish();
         let mut moved = mesh.clone();
         moved.positions[3] *= 2.0;
         let cage = Cage::new(&mesh, &moved).unwrap();

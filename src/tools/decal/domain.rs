@@ -130,7 +130,7 @@ impl Domain {
     pub(super) fn new(mesh: &Mesh, topology: &Topology, anchors: &DecalAnchors, corners: &[u32]) -> Result<Self> {
         let usable: Vec<[u32; 3]> =
             (0..mesh.triangle_count()).filter(|&t| topology.usable[t]).map(|t| mesh.triangle(t)).collect();
-        let geodesics = Geodesics::new(&mesh.positions, &usable);
+        let geodesics = Geodesics::of(&mesh.positions, &usable);
         let mut march = March::default();
         let mut distances_of = |v: u32| {
             geodesics.distances_from(v, &mut march);

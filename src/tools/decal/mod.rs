@@ -141,7 +141,7 @@ pub fn decal(
 
 /// The coordinates of the domain's vertices by weighted averages in its own embedding.
 fn averages(domain: &Domain, anchors: &DecalAnchors, progress: &dyn Progress) -> Result<Vec<DVec2>> {
-    let part = Mesh::from_triangles("the part around the anchors", domain.positions.clone(), &domain.triangles);
+    let part = Mesh::of_triangles("the part around the anchors", domain.positions.clone(), &domain.triangles);
     let topology = Topology::new(&part);
     let options = EmbeddingOptions { landmarks: LANDMARKS, ..EmbeddingOptions::default() };
     let embedding = Embedding::compute(&part, &topology, &options, progress)?;
@@ -192,7 +192,7 @@ fn part_of(mesh: &Mesh, triangles: &[u32]) -> (Mesh, Vec<u32>) {
     let number = |v: u32| vertices.partition_point(|&w| w < v) as u32;
     let positions = vertices.iter().map(|&v| mesh.positions[v as usize]).collect();
     let renumbered: Vec<[u32; 3]> = triangles.iter().map(|&t| mesh.triangle(t as usize).map(number)).collect();
-    (Mesh::from_triangles(mesh.name.clone(), positions, &renumbered), vertices)
+    (Mesh::of_triangles(mesh.name.clone(), positions, &renumbered), vertices)
 }
 
 /// The mesh with the decal's coordinates as its texture coordinates. Polygons that show none of the
@@ -238,7 +238,7 @@ pub fn with_texcoords(mesh: &Mesh, decal: &Decal, only_patch: bool) -> Mesh {
             normal: c.normal,
         }));
     }
-    let mut made = builder.build();
+    let mut made = builder.finish();
     if !only_patch {
         made.join_as(mesh);
     }

@@ -129,7 +129,7 @@ impl Flat {
             builder.polygon(t.map(|vertex| Corner { vertex, texcoord: vertex, normal: NONE }));
         }
         builder.polygon([4, 5, 6].map(|vertex| Corner { vertex, texcoord: NONE, normal: NONE }));
-        builder.build()
+        builder.finish()
     }
 }
 

@@ -165,7 +165,7 @@ fn what_is_wrong_is_named() {
     let n = mesh.vertex_count() as u32;
     let mut triangles = mesh.triangles();
     triangles.extend(mesh.triangles().iter().map(|t| t.map(|v| v + n)));
-    let two = Mesh::from_triangles("two", positions, &triangles);
+    let two = Mesh::of_triangles("two", positions, &triangles);
     let apart = changed(&|a| a.points[2].face += mesh.triangle_count() as u32);
     let message = lay(&two, &apart, Layout::Plate).unwrap_err().to_string();
     assert!(message.contains("0 and 2") && message.contains("not connected"), "{message}");
@@ -224,7 +224,7 @@ fn painting_a_plane_is_sampling_the_picture() {
     let wanted = 0.5 * (base.get(30, 30, 1) + result.get(30, 30, 1));
     assert!((half.get(30, 30, 1) - wanted).abs() < 0.005);
     // A mesh without texture coordinates is told about `barymap unwrap`.
-    let bare = Mesh::from_triangles("bare", mesh.positions.clone(), &mesh.triangles());
+    let bare = Mesh::of_triangles("bare", mesh.positions.clone(), &mesh.triangles());
     let error = paint(&Engine::cpu(), &bare, &made, &picture, &options, &Quiet).unwrap_err();
     assert!(error.to_string().contains("barymap unwrap"), "{error}");
 }
@@ -304,7 +304,7 @@ fn mirrored_and_clamped_textures_get_what_they_show() {
     builder.mesh.materials = vec![Default::default()];
     builder.material = 0;
     (0..plane.polygon_count()).for_each(|p| builder.polygon(plane.polygon(p).iter().copied()));
-    let mesh = builder.build();
+    let mesh = builder.finish();
     let colors = |x: u32, y: u32| [8 * x as u8, 4 * y as u8, 200];
     let samples = (0..32 * 64).flat_map(|i| colors(i % 32, i / 32)).collect();
     let picture = Image::new(32, 64, 3, Pixels::U8(samples)).unwrap();

@@ -44,7 +44,7 @@ impl<'a> FrameWatch<'a> {
             .filter(|&t| self.topology.usable[t])
             .map(|t| self.topology.triangles[t])
             .collect();
-        let shape = Mesh::from_triangles("in-between", positions.to_vec(), &triangles);
+        let shape = Mesh::of_triangles("in-between", positions.to_vec(), &triangles);
         let normals = vertex_normals(&shape, &Topology::new(&shape));
         let images: Vec<Option<DVec3>> = positions.iter().map(|p| Some(*p)).collect();
         let d = distortion(self.mesh, &self.topology, &images, &normals, shape.area());

@@ -70,7 +70,7 @@ pub fn automatic_base(mesh: &Mesh, topology: &Topology, vertices: usize) -> Resu
     for (t, _) in coarse.triangles.iter().zip(&taken).filter(|(_, taken)| !**taken) {
         builder.polygon(t.map(corner));
     }
-    Ok(builder.build())
+    builder.build()
 }
 
 /// Two triangles that make a quad, how bad it is, and its corners.

@@ -132,7 +132,7 @@ impl Polygons {
         for p in 0..self.len() {
             builder.polygon(self.polygon(p).iter().map(|&vertex| Corner { vertex, texcoord: NONE, normal: NONE }));
         }
-        builder.build()
+        builder.finish()
     }
 }
 
@@ -151,7 +151,7 @@ mod tests {
         for f in faces {
             builder.polygon(f.iter().map(|&vertex| Corner { vertex, texcoord: NONE, normal: NONE }));
         }
-        Polygons::of(&builder.build()).unwrap().0
+        Polygons::of(&builder.finish()).unwrap().0
     }
 
     #[test]
@@ -189,7 +189,7 @@ mod tests {
             for f in faces {
                 builder.polygon(f.iter().map(|&vertex| Corner { vertex, texcoord: NONE, normal: NONE }));
             }
-            Polygons::of(&builder.build()).unwrap_err().to_string()
+            Polygons::of(&builder.finish()).unwrap_err().to_string()
         };
         assert!(bad(&[&[0, 1, 2, 3], &[0, 1, 1, 3]]).contains("face 1 has vertex 1 twice"));
         assert!(bad(&[&[0, 1]]).contains("face 0 has 2 corners"));

@@ -30,7 +30,7 @@ fn quads(positions: Vec<DVec3>, faces: &[Vec<u32>]) -> Mesh {
     for f in faces {
         builder.polygon(f.iter().map(|&vertex| Corner { vertex, texcoord: NONE, normal: NONE }));
     }
-    builder.build()
+    builder.finish()
 }
 
 fn cube() -> Mesh {

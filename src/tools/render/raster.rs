@@ -180,7 +180,7 @@ mod tests {
 
     fn draw(points: &[(f64, f64, f64)], triangles: &[[u32; 3]], size: u32) -> Vec<u32> {
         let p: Vec<DVec3> = points.iter().map(|&(x, y, z)| DVec3::new(x, y, z)).collect();
-        let mesh = Mesh::from_triangles("test", p.clone(), triangles);
+        let mesh = Mesh::of_triangles("test", p.clone(), triangles);
         let bands = Bands::new(&mesh, &p, size, size, 3);
         (0..size.div_ceil(3) as usize).flat_map(|band| bands.draw(band, &mesh, &p).triangle).collect()
     }

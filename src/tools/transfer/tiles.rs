@@ -109,7 +109,7 @@ mod tests {
             b.mesh.positions.extend(t.map(|p| DVec3::new(p[0], p[1], 0.0)));
             b.polygon((first..first + 3).map(|i| Corner { vertex: i, texcoord: i, normal: NONE }));
         }
-        b.build()
+        b.finish()
     }
 
     #[test]

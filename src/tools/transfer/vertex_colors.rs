@@ -59,7 +59,7 @@ mod tests {
 
     #[test]
     fn colours_are_linear_over_a_triangle() {
-        let mesh = Mesh::from_triangles("one", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
+        let mesh = Mesh::of_triangles("one", vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
         let colors = [[1.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 1.0], [0.0, 0.0, 1.0, 0.5]];
         let at = |s, t| Footprint { centre: [s, t], face: 0, ..Footprint::NOWHERE };
         let footprints = [at(0.0, 0.0), at(0.25, 0.5), Footprint::NOWHERE];

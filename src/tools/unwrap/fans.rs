@@ -149,7 +149,7 @@ impl Fans {
                 builder.polygon(corners.map(|vertex| Corner { vertex, texcoord: NONE, normal: NONE }));
             }
         }
-        let mut coarse = builder.build();
+        let mut coarse = builder.finish();
         let joined = (0..coarse.vertex_count() as u32).map(|v| mesh.representative(v)).collect();
         coarse.join(joined);
         coarse

@@ -142,7 +142,7 @@ pub(super) fn with_texcoords(mesh: &Mesh, (texcoords, of_corner): (Vec<DVec2>, &
         }
         t += count;
     }
-    let mut made = builder.build();
+    let mut made = builder.finish();
     made.join_as(mesh);
     (made, cut)
 }

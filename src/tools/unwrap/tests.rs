@@ -115,7 +115,7 @@ fn a_flat_sheet_is_one_chart_without_distortion_and_a_washer_two() {
         let (a, b) = (2 * k, 2 * ((k + 1) % 32));
         triangles.extend([[a, a + 1, b + 1], [a, b + 1, b]]);
     }
-    let washer = Mesh::from_triangles("washer", positions, &triangles);
+    let washer = Mesh::of_triangles("washer", positions, &triangles);
     let result = unwrapped(&washer, &small());
     holds(&washer, &result, &small());
     assert_eq!(result.report.charts, 2);
@@ -142,7 +142,7 @@ fn charts_stay_within_materials() {
         builder.material = [0, 1, NONE][t % 3];
         builder.polygon(tri.map(|vertex| Corner { vertex, texcoord: NONE, normal: NONE }));
     }
-    let mesh = builder.build();
+    let mesh = builder.finish();
     let result = unwrapped(&mesh, &small());
     holds(&mesh, &result, &small());
     assert!(Islands::new(&result.mesh).islands.iter().all(|i| i.materials.len() == 1));
@@ -164,7 +164,7 @@ fn degenerate_and_non_manifold_triangles_are_named_or_cut() {
     // number.
     positions.extend([[10.0, 0.0, 0.0], [11.0, 0.0, 0.0], [10.0, 1.0, 0.0], [f64::NAN; 3]].map(DVec3::from));
     triangles.push([n + 4, n + 3, n + 2]);
-    let mesh = Mesh::from_triangles("bad", positions[..positions.len() - 1].to_vec(), &triangles);
+    let mesh = Mesh::of_triangles("bad", positions[..positions.len() - 1].to_vec(), &triangles);
     let result = unwrapped(&mesh, &small());
     holds(&mesh, &result, &small());
     assert_eq!(result.report.flat, [first, first + 1, first + 2]);
@@ -211,7 +211,7 @@ fn what_cannot_be_unwrapped_is_told() {
         let message = unwrap(&mesh, &topology, &UnwrapOptions { size, gap, angle }).unwrap_err().to_string();
         assert!(message.contains(word), "{message}");
     }
-    let flat = Mesh::from_triangles("flat", vec![DVec3::ZERO; 3], &[[0, 1, 2]]);
+    let flat = Mesh::of_triangles("flat", vec![DVec3::ZERO; 3], &[[0, 1, 2]]);
     assert!(
         unwrap(&flat, &Topology::new(&flat), &small()).unwrap_err().to_string().contains("no triangle has an area")
     );
@@ -219,7 +219,7 @@ fn what_cannot_be_unwrapped_is_told() {
     let positions: Vec<DVec3> =
         (0..600).map(|k| DVec3::new(f64::from(k / 3), f64::from(k % 2), f64::from(k % 3))).collect();
     let triangles: Vec<[u32; 3]> = (0..200).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
-    let many = Mesh::from_triangles("many", positions, &triangles);
+    let many = Mesh::of_triangles("many", positions, &triangles);
     let message = unwrap(&many, &Topology::new(&many), &UnwrapOptions { size: 16, gap: 4, angle: 70.0 });
     assert!(message.unwrap_err().to_string().contains("--size"));
 }

@@ -76,7 +76,7 @@ fn posed_and_unwrapped_files_keep_their_rig() {
             [1, 3, 7],
             [1, 7, 5],
         ];
-        Mesh::from_triangles("cage", p.collect(), &faces)
+        Mesh::from_triangles("cage", p.collect(), &faces).unwrap()
     };
     write_obj(&cube(1.0), f.path("a.obj")).unwrap();
     write_obj(&cube(1.5), f.path("b.obj")).unwrap();

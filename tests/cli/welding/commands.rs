@@ -173,7 +173,7 @@ fn cage(mesh: &Mesh, degrees: f64) -> Mesh {
     for q in [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]] {
         builder.polygon(q.map(|vertex| Corner { vertex, texcoord: NONE, normal: NONE }));
     }
-    builder.build()
+    builder.build().unwrap()
 }
 
 /// Runs a command with a report, on the CPU, with few landmarks where there are any; embeddings are

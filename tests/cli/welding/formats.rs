@@ -98,7 +98,7 @@ fn primitives_of_several_materials_are_one_surface() {
         builder.material = (t % 3) as u32;
         builder.polygon(mesh.triangle_corners(t));
     }
-    let parted = builder.build();
+    let parted = builder.build().unwrap();
     let f = Folder::empty();
     std::fs::write(f.path("m.glb"), glb_bytes(&parted, &own_materials(&parted).0).unwrap()).unwrap();
     let read = read_mesh(f.path("m.glb")).unwrap().mesh;
@@ -161,7 +161,7 @@ fn cut_by_a_plane(mesh: &Mesh, x: f64) -> Mesh {
             }
         }
     }
-    builder.build()
+    builder.build().unwrap()
 }
 
 #[test]

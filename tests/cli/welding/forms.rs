@@ -84,7 +84,7 @@ fn form(mesh: &Mesh, charts: &[u32], name: &'static str, key: impl Fn(usize) -> 
             .collect();
         builder.polygon(corners);
     }
-    Form { name, mesh: builder.build(), welded }
+    Form { name, mesh: builder.build().unwrap(), welded }
 }
 
 /// The largest side of the box of a mesh.

@@ -36,7 +36,7 @@ fn with_junctions(mesh: &Mesh) -> Mesh {
         }
         builder.polygon(middles);
     }
-    builder.build()
+    builder.build().unwrap()
 }
 
 /// The same surface without T-junctions: the triangles that a file is computed with, as its faces.
@@ -45,7 +45,7 @@ fn without_junctions(read: &Mesh) -> Mesh {
     builder.mesh.positions.clone_from(&read.positions);
     builder.mesh.texcoords.clone_from(&read.texcoords);
     (0..read.triangle_count()).for_each(|t| builder.polygon(read.triangle_corners(t)));
-    builder.build()
+    builder.build().unwrap()
 }
 
 /// `j.obj` with T-junctions, `c.obj` without, and both bent; the vertices that lie on edges.

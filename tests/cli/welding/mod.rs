@@ -212,7 +212,7 @@ fn a_concave_face_is_one_island_whatever_its_first_corner() {
         builder.mesh.texcoords = l.map(|p| DVec2::from(p) / 2.0).to_vec();
         builder.polygon((0..6).map(|k| (k + first) % 6).map(|v| Corner { vertex: v, texcoord: v, normal: NONE }));
         let f = Folder::empty();
-        write_obj(&builder.build(), f.path("l.obj")).unwrap();
+        write_obj(&builder.build().unwrap(), f.path("l.obj")).unwrap();
         write_image(&waves(64), f.path("s.png")).unwrap();
         f.write("a.json", &json!({"source": [0, 1, 2, 3, 4, 5], "target": [0, 1, 2, 3, 4, 5]}).to_string());
         let ran = f

@@ -68,7 +68,7 @@ fn parts_without_handles_follow_their_neighbours() {
     let n = body.vertex_count() as u32;
     let mut triangles = body.triangles();
     triangles.extend(eye.triangles().iter().map(|t| t.map(|v| v + n)));
-    let mesh = Mesh::from_triangles("body and eye", positions, &triangles);
+    let mesh = Mesh::from_triangles("body and eye", positions, &triangles).unwrap();
     let handles = spread(&body, 6);
     let turn = DQuat::from_rotation_y(2.0);
     let mut deformer = deformer(&mesh, &handles);

@@ -36,7 +36,7 @@ fn wrong_handles_are_named() {
         let part = if part.starts_with("162") { format!("vertex {}", n + 7) } else { part.to_owned() };
         assert!(text.contains(&part), "{text}");
     }
-    let empty = Mesh::from_triangles("empty", vec![DVec3::ZERO; 3], &[]);
+    let empty = Mesh::from_triangles("empty", vec![DVec3::ZERO; 3], &[]).unwrap();
     assert!(message(&empty, &[0], None, &[a]).contains("no triangle"));
 }
 
@@ -84,7 +84,7 @@ fn soups_of_triangles_never_panic() {
         }
         let triangles: Vec<[u32; 3]> =
             (0..2 * n).map(|_| [0; 3].map(|_: u32| (random.unit() * n as f64) as u32)).collect();
-        let mesh = Mesh::from_triangles("soup", positions, &triangles);
+        let mesh = Mesh::from_triangles("soup", positions, &triangles).unwrap();
         let handles: Vec<u32> = (0..n as u32).step_by(2).collect();
         let targets: Vec<DVec3> =
             handles.iter().map(|_| DVec3::new(random.signed(), random.signed(), random.signed())).collect();

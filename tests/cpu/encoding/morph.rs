@@ -40,7 +40,7 @@ fn body(place: impl Fn(f64, DVec3) -> DVec3) -> Mesh {
             if j == 0 { [a, b, centre] } else { [b, a, centre] }
         }));
     }
-    Mesh::from_triangles("body", positions, &triangles)
+    Mesh::from_triangles("body", positions, &triangles).unwrap()
 }
 
 fn bent(degrees: f64) -> Mesh {
@@ -155,7 +155,7 @@ fn meshes_and_weights_that_do_not_fit_are_told() {
     assert!(message(&[&a, &a], Some(&[999])).contains("999"));
     let mut triangles = a.triangles();
     triangles[7].swap(0, 1);
-    let flipped = Mesh::from_triangles("flipped", a.positions.clone(), &triangles);
+    let flipped = Mesh::from_triangles("flipped", a.positions.clone(), &triangles).unwrap();
     assert!(message(&[&a, &flipped], None).contains("triangle 7"));
     let mut morpher = Morpher::new(&[&a, &a], None, &Default::default()).unwrap();
     for weights in [&[1.0][..], &[0.5, 0.6], &[-0.5, 1.5], &[f64::NAN, 1.0]] {

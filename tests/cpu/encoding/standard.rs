@@ -155,7 +155,7 @@ fn figure_eight() -> Mesh {
         positions = positions.iter().zip(&sum).map(|(p, s)| *p * 0.4 + s.0 / s.1 * 0.6).collect();
     }
     let triangles: Vec<[u32; 3]> = quads.iter().flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).collect();
-    Mesh::from_triangles("figure eight", positions, &triangles)
+    Mesh::from_triangles("figure eight", positions, &triangles).unwrap()
 }
 
 #[test]

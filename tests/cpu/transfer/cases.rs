@@ -162,7 +162,7 @@ fn two_materials() -> Mesh {
         }
         b.polygon((first..first + 4).map(|i| Corner { vertex: i, texcoord: i, normal: NONE }));
     }
-    b.build()
+    b.build().unwrap()
 }
 
 #[test]
@@ -216,10 +216,10 @@ fn bad_input_is_refused_with_its_place() {
     let mut wide = good.clone();
     wide.texcoords[0].x = -1000.0;
     assert!(told(attempt(&good, &image, &wide, &options(8, 8))).contains("repeats"));
-    let bare = Mesh::from_triangles("bare", good.positions.clone(), &good.triangles());
+    let bare = Mesh::from_triangles("bare", good.positions.clone(), &good.triangles()).unwrap();
     assert!(told(attempt(&good, &image, &bare, &options(8, 8))).contains("no texture coordinates"));
     assert!(told(attempt(&bare, &image, &good, &options(8, 8))).contains("no texture coordinates"));
-    let empty = Mesh::from_triangles("empty", Vec::new(), &[]);
+    let empty = Mesh::from_triangles("empty", Vec::new(), &[]).unwrap();
     assert!(attempt(&empty, &image, &good, &options(8, 8)).is_err());
     for (w, h) in [(0, 8), (8, 0), (16385, 8)] {
         assert!(told(attempt(&good, &image, &good, &options(w, h))).contains("option size"));

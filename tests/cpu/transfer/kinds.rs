@@ -44,7 +44,7 @@ fn waves(mesh: &Mesh) -> Image {
 
 /// The nearest of `count` vertices far from one another, from 1 on.
 fn regions(mesh: &Mesh, count: usize) -> Image {
-    let seeds = farthest_points(&Geodesics::new(&mesh.positions, &mesh.triangles()), 0, count);
+    let seeds = farthest_points(&Geodesics::new(&mesh.positions, &mesh.triangles()).unwrap(), 0, count);
     let mut labels = vec![0_u8; (SIZE * SIZE) as usize];
     for (i, t) in rasterize(mesh, SIZE, SIZE, whole(SIZE, SIZE)).iter().enumerate().filter(|(_, t)| t.is_covered()) {
         let x = t.point().unpack().position(mesh);
@@ -57,7 +57,7 @@ fn regions(mesh: &Mesh, count: usize) -> Image {
 
 /// Smooth weights of bones at vertices far from one another: the four largest, of sum 1.
 fn skin(mesh: &Mesh, bones: usize) -> Vec<f64> {
-    let seeds = farthest_points(&Geodesics::new(&mesh.positions, &mesh.triangles()), 0, bones);
+    let seeds = farthest_points(&Geodesics::new(&mesh.positions, &mesh.triangles()).unwrap(), 0, bones);
     let (low, high) = mesh.bounds().expect("vertices");
     let width = 0.07 * (high - low).max_element();
     let rows = mesh.positions.iter().flat_map(|p| {
@@ -107,7 +107,7 @@ fn normals_and_labels_of_a_person_on_another() {
     let embeddings = [0, 1].map(|k| {
         Embedding::compute(&meshes[k], &topologies[k], &EmbeddingOptions::default(), &Quiet).expect("embedding")
     });
-    let vertices = farthest_points(&Geodesics::new(&target.positions, &target.triangles()), 0, 64);
+    let vertices = farthest_points(&Geodesics::new(&target.positions, &target.triangles()).unwrap(), 0, 64);
     let of = |k: usize| {
         vertices.iter().map(|&v| vertex_point(&meshes[k], &topologies[k], v, "anchor")).collect::<Result<_, _>>()
     };

@@ -21,7 +21,7 @@ fn fan(turn: f64, closed: bool, at: impl Fn(u32) -> (f64, f64)) -> Mesh {
         DVec3::new(r * c, h, -r * s)
     }));
     let triangles: Vec<[u32; 3]> = (0..N).map(|i| [0, 1 + i, 1 + (i + 1) % count]).collect();
-    Mesh::from_triangles("fan", positions, &triangles)
+    Mesh::of_triangles("fan", positions, &triangles)
 }
 
 /// Of no two triangles the interiors meet in the texture.
@@ -92,7 +92,7 @@ fn a_polygon_of_many_corners_stays_whole() {
     builder.polygon((N..2 * N).map(corner));
     builder.polygon((0..N).rev().map(corner));
     (0..N).for_each(|i| builder.polygon([i, (i + 1) % N, N + (i + 1) % N, N + i].map(corner)));
-    let mesh = builder.build();
+    let mesh = builder.finish();
     assert!(!Fans::new(&mesh, &Topology::new(&mesh)).is_empty());
     let result = unwrapped(&mesh, &small());
     let report = &result.report;
@@ -117,7 +117,7 @@ fn copies_of_a_face_share_its_place() {
     triangles.extend((0..N).map(|i| [[a, b, c], [b, c, a], [c, a, b]][i as usize % 3]));
     // The other way round it is another face.
     triangles.push([a, c, b]);
-    let mesh = Mesh::from_triangles("copies", positions, &triangles);
+    let mesh = Mesh::of_triangles("copies", positions, &triangles);
     let result = unwrapped(&mesh, &small());
     assert_eq!(result.report.copies, N as usize);
     let place = |t: usize, v: u32| {
