@@ -222,7 +222,7 @@ fn finish(i: u32, f: Frame, r: Means) {
 
 // The first vector of point `i`.
 fn place(i: u32) -> u32 {
-    return own_place(i, span.first) * OUT;
+    return i * OUT;
 }
 
 fn coordinates(i: u32) -> vec3f {
@@ -291,7 +291,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     // The last invocation of an odd count works on its one point twice.
     let second = min(first + 1u, span.end - 1u);
-    // A texel that shows nothing takes part in no pass.
+    // A record without point takes part in no pass.
     let shown = points[point_word(first)] != NONE || points[point_word(second)] != NONE;
     let anchor_count = select(0u, params.anchors, shown);
     let f = point_frame(first);

@@ -5,16 +5,17 @@
 //#import lib/none
 //#import lib/table
 //#import lib/window
+//#import lib/runs
 
 @group(0) @binding(0) var<uniform> span: Span;
 @group(0) @binding(1) var<uniform> params: WindowParams;
-// What locate wrote, from the row above the dispatch on, or from its first where that is the
-// picture's.
+// What locate wrote, of the rows from span.place on.
 @group(0) @binding(2) var<storage, read> located: array<vec4u>;
-// Of each texel of the dispatch, row after row: centre and dx; dy, triangle of the source, nothing.
+// Of each texel of the dispatch: centre and dx; dy, triangle of the source, nothing.
 @group(0) @binding(3) var<storage, read_write> footprints: array<vec4u>;
+@group(0) @binding(4) var<storage, read> runs: array<u32>;
 // tables::SourceTriangle, six texels.
-@group(0) @binding(4) var source: texture_2d<u32>;
+@group(0) @binding(5) var source: texture_2d<u32>;
 
 // footprint::JUMP.
 const JUMP: f32 = 8.0;
@@ -79,15 +80,19 @@ fn across(v: vec2f, area: f32, stretch: f32) -> vec2f {
 
 @compute @workgroup_size(GROUP)
 fn main(@builtin(global_invocation_id) id: vec3u) {
-    if id.x >= params.width {
+    let number = invocation(span, id);
+    let item = span.first + number;
+    if item >= span.end {
         return;
     }
-    let y = span.first + id.y;
+    let at = run_texel(runs[item >> RUN_BITS], item);
     let width = params.width;
-    let out = 2u * (id.y * width + id.x);
-    // There is a row above the dispatch, or none above the picture.
-    let index = (id.y + min(span.first, 1u)) * width + id.x;
-    let face = located[3u * index + 1u].y;
+    let out = 2u * number;
+    let index = (at.y - span.place) * width + at.x;
+    var face = NONE;
+    if at.x < width {
+        face = located[3u * index + 1u].y;
+    }
     footprints[out + 1u] = vec4u(0u, 0u, face, 0u);
     if face != NONE {
         let here = located_at(index);
@@ -99,10 +104,10 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         let gv = vec3f(r4.zw, r5.x);
         let area = expected.y * r5.y;
         let stretch = r5.w;
-        let left = difference(here, id.x > 0u, index - 1u, -1.0, expected.z, gu, gv);
-        let right = difference(here, id.x + 1u < width, index + 1u, 1.0, expected.z, gu, gv);
-        let above = difference(here, y > 0u, index - width, -1.0, expected.w, gu, gv);
-        let below = difference(here, y + 1u < params.height, index + width, 1.0, expected.w, gu, gv);
+        let left = difference(here, at.x > 0u, index - 1u, -1.0, expected.z, gu, gv);
+        let right = difference(here, at.x + 1u < width, index + 1u, 1.0, expected.z, gu, gv);
+        let above = difference(here, at.y > 0u, index - width, -1.0, expected.w, gu, gv);
+        let below = difference(here, at.y + 1u < params.height, index + width, 1.0, expected.w, gu, gv);
         let x_axis = axis(left, right);
         let y_axis = axis(above, below);
         var dx = x_axis.change;

@@ -22,15 +22,14 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     let at = point_word(index);
     let face = points[at];
-    let i = own_place(index, span.first);
     if face != NONE {
         let v = texel(triangles, face) * VECTOR_TEXELS;
         let a = bitcast<f32>(points[at + 1u]);
         let b = bitcast<f32>(points[at + 2u]);
         let x = vec3f(a, b, 1.0 - a - b);
         let z = combine_vectors(x, texel_vector(field, v.x), texel_vector(field, v.y), texel_vector(field, v.z));
-        images[3u * i] = z.a;
-        images[3u * i + 1u] = z.b;
-        images[3u * i + 2u] = z.c;
+        images[3u * index] = z.a;
+        images[3u * index + 1u] = z.b;
+        images[3u * index + 2u] = z.c;
     }
 }

@@ -1,9 +1,8 @@
-// Whether the image of a texel's point can be trusted, from what its projections found. What they
-// left is marked, for the reference. Reference and explanation: surface::gpu::judge_image.
+// Whether the image of a point can be trusted, from what its projections found, and that image to its
+// place. What the projections left is marked, for the reference. Reference and explanation: surface::gpu::judge_image.
 
 //#import lib/none
 //#import lib/span
-//#import lib/points
 //#import lib/image
 //#import lib/projected
 //#import lib/table
@@ -34,9 +33,9 @@ struct JudgeParams {
 
 @group(0) @binding(0) var<uniform> span: Span;
 @group(0) @binding(1) var<uniform> params: JudgeParams;
-// Four words each, the first three a point.
-@group(0) @binding(2) var<storage, read> texels: array<vec4u>;
-// Of the points of the dispatch. Without a second projection `back` is the first once more.
+// A point and the place of its image; no triangle where there is none.
+@group(0) @binding(2) var<storage, read> points: array<vec4u>;
+// Without a second projection `back` is the first once more.
 @group(0) @binding(3) var<storage, read> forward: array<Projected>;
 @group(0) @binding(4) var<storage, read> back: array<Projected>;
 @group(0) @binding(5) var<storage, read_write> images: array<PackedImage>;
@@ -57,20 +56,19 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if index >= span.end {
         return;
     }
-    let texel_here = texels[index];
-    let i = own_place(index, span.first);
+    let point = points[index];
     var image = PackedImage(NONE, 0.0, 0.0, 0.0, FAILED);
-    if texel_here.x != NONE {
-        let found = forward[i];
-        let b = bitcast<vec2f>(texel_here.yz);
+    if point.x != NONE {
+        let found = forward[index];
+        let b = bitcast<vec2f>(point.yz);
         let x = vec3f(b, 1.0 - b.x - b.y);
         let how = found.found & HOW;
-        let returned = back[i];
+        let returned = back[index];
         let how_back = returned.found & HOW;
         var left = how == NOTHING || how == LEFT || !(found.distance_squared <= params.guard);
         left = left || (params.returns == 1u && (how_back == NOTHING || how_back == LEFT));
 
-        let vouch = texel(vouching, texel_here.x);
+        let vouch = texel(vouching, point.x);
         var confidence = 1.0;
         if params.evidence == 1u {
             let drift = max(dot(x, bitcast<vec3f>(vouch.xyz)), 0.0);
@@ -96,6 +94,6 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         } else if inside {
             image = PackedImage(found.face, found.b0, found.b1, confidence, status);
         }
+        images[point.w] = image;
     }
-    images[index] = image;
 }

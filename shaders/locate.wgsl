@@ -6,29 +6,36 @@
 //#import lib/none
 //#import lib/table
 //#import lib/window
+//#import lib/runs
 
 @group(0) @binding(0) var<uniform> span: Span;
 @group(0) @binding(1) var<uniform> params: WindowParams;
 // atlas::AtlasTexel.
 @group(0) @binding(2) var<storage, read> texels: array<vec4u>;
 @group(0) @binding(3) var<storage, read> images: array<PackedImage>;
-// Of each texel of the dispatch, row after row: position and first texture coordinate; second one,
+// Of each texel of the rows from span.place on: position and first texture coordinate; second one,
 // triangle, chart, chart of the target; area and steps that a texel of the target has on the source.
 @group(0) @binding(4) var<storage, read_write> located: array<vec4u>;
+@group(0) @binding(5) var<storage, read> runs: array<u32>;
 // tables::SourceTriangle, six texels; tables::TargetTriangle, one.
-@group(0) @binding(5) var source: texture_2d<u32>;
-@group(0) @binding(6) var target_: texture_2d<u32>;
+@group(0) @binding(6) var source: texture_2d<u32>;
+@group(0) @binding(7) var target_: texture_2d<u32>;
 
 // atlas::AtlasTexel::CENTRE.
 const CENTRE: u32 = 1u;
 
 @compute @workgroup_size(GROUP)
 fn main(@builtin(global_invocation_id) id: vec3u) {
-    if id.x >= params.width {
+    let index = span.first + invocation(span, id);
+    if index >= span.end {
         return;
     }
-    let place = texel_place(span, params, id);
-    let out = 3u * (id.y * params.width + id.x);
+    let at = run_texel(runs[index >> RUN_BITS], index);
+    if at.x >= params.width {
+        return;
+    }
+    let place = kept_row(params, at.y) * params.width + at.x;
+    let out = 3u * ((at.y - span.place) * params.width + at.x);
     let shown = texels[place];
     let face = images[place].face;
     // What most neighbours of a texel without image look at.

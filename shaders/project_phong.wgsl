@@ -77,12 +77,11 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let point = points[point_word(index)];
-    let i = own_place(index, span.first);
-    // A texel that shows nothing takes part in no loop.
+    // A record without point takes part in no loop.
     let shown = point != NONE;
-    let at = i * params.stride + params.point;
+    let at = index * params.stride + params.point;
     let y = vector_of(averages[at], averages[at + 1u], averages[at + VECTOR_TEXELS - 1u]);
-    let begin = i * params.stride + params.reference;
+    let begin = index * params.stride + params.reference;
     let reference = vector_of(averages[begin], averages[begin + 1u], averages[begin + VECTOR_TEXELS - 1u]);
 
     var own = 0u;
@@ -148,5 +147,5 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             break;
         }
     }
-    results[i] = result;
+    results[index] = result;
 }

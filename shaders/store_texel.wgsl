@@ -5,12 +5,11 @@
 //#import lib/shown
 //#import lib/table
 //#import lib/wrap
+//#import lib/runs
 
 // Twin: tools::transfer::gpu::store_texel::StoreParams.
 struct StoreParams {
-    // What a texel without colour holds.
-    background: vec4u,
-    // The number of the picture among those of its layer; the first also writes the background.
+    // The number of the picture among those of its layer.
     texture: u32,
     // Sides of the picture, and what it shows beyond its borders.
     width: u32,
@@ -26,8 +25,9 @@ struct StoreParams {
     exact: u32,
     // Words of a texel of the result.
     words: u32,
-    unused0: u32,
-    unused1: u32,
+    // Texels of a row of the result.
+    row: u32,
+    unused: u32,
 }
 
 @group(0) @binding(0) var<uniform> span: Span;
@@ -35,12 +35,14 @@ struct StoreParams {
 // Of each texel of the dispatch: centre and dx; dy, triangle of the source, nothing; its colour.
 @group(0) @binding(2) var<storage, read> footprints: array<vec4u>;
 @group(0) @binding(3) var<storage, read> colors: array<vec4f>;
+// The rows from span.place on.
 @group(0) @binding(4) var<storage, read_write> picture: array<u32>;
+@group(0) @binding(5) var<storage, read> runs: array<u32>;
 // The picture of the source as stored, and that of each of its triangles, four to a texel.
-@group(0) @binding(5) var base: texture_2d<u32>;
-@group(0) @binding(6) var textures: texture_2d<u32>;
+@group(0) @binding(6) var base: texture_2d<u32>;
+@group(0) @binding(7) var textures: texture_2d<u32>;
 // Light from which on a sample is larger, four to a texel.
-@group(0) @binding(7) var steps: texture_2d<u32>;
+@group(0) @binding(8) var steps: texture_2d<u32>;
 
 // Samples of the result: 0 of 8 bits, 1 of 16 bits, 2 floats.
 override DEPTH: u32 = 0u;
@@ -149,18 +151,15 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let head = footprints[2u * number];
     let rest = footprints[2u * number + 1u];
     let shown = shows_picture(textures, rest.z, params.texture);
-    let any = rest.z != NONE && !shows_picture(textures, rest.z, NONE);
-    var samples = params.background;
-    var packed = params.background;
     if shown {
-        samples = encoded(colors[number]);
+        var samples = encoded(colors[number]);
         if params.exact == 1u {
             let c = coinciding(bitcast<vec4f>(head), bitcast<vec2f>(rest.xy));
             if c.is {
                 samples = widened(textureLoad(base, c.at, 0));
             }
         }
-        packed = samples;
+        var packed = samples;
         if DEPTH == 0u {
             let four = select(vec4u(0u), samples, vec4u(0u, 1u, 2u, 3u) < vec4u(params.wide));
             packed.x = four.x | (four.y << 8u) | (four.z << 16u) | (four.w << 24u);
@@ -170,11 +169,10 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             packed.x = four.x | (four.y << 16u);
             packed.y = four.z | (four.w << 16u);
         }
-    }
-    // What shows nothing gets the background, once.
-    if shown || (params.texture == 0u && !any) {
+        let at = run_texel(runs[index >> RUN_BITS], index);
+        let out = (at.y - span.place) * params.row + at.x;
         for (var k = 0u; k < params.words; k++) {
-            picture[index * params.words + k] = packed[k];
+            picture[out * params.words + k] = packed[k];
         }
     }
 }

@@ -9,8 +9,7 @@ struct WindowParams {
     unused: u32,
 }
 
-// The place of the texel of an invocation among those on the device.
-fn texel_place(span: Span, params: WindowParams, id: vec3u) -> u32 {
-    let row = span.place + id.y;
-    return select(row, row - params.rows, row >= params.rows) * params.width + id.x;
+// The place of row `y` of the picture among those on the device.
+fn kept_row(params: WindowParams, y: u32) -> u32 {
+    return y % params.rows;
 }

@@ -14,11 +14,13 @@ pub(super) const CHECKS: &[Check] = &[Check {
     kernels: &[
         "rasterize_atlas",
         "judge_image",
+        "list_points",
         "gather_left",
         "place_images",
         "locate",
         "footprint",
         "sample_texture",
+        "fill_background",
         "store_texel",
         "tally",
         "coverage_bits",

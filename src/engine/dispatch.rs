@@ -191,12 +191,26 @@ impl Batch<'_> {
     /// # Errors
     /// As [`Batch::dispatch`].
     pub fn dispatch_range(&mut self, pipeline: &Pipeline, group: &BindGroup, first: u32, items: u32) -> Result<()> {
+        self.dispatch_placed(pipeline, group, (first, items), 0)
+    }
+
+    /// The same of `items` items from `first` on, with a row that the kernel counts rows from.
+    ///
+    /// # Errors
+    /// As [`Batch::dispatch`].
+    pub fn dispatch_placed(
+        &mut self,
+        pipeline: &Pipeline,
+        group: &BindGroup,
+        (first, items): (u32, u32),
+        place: u32,
+    ) -> Result<()> {
         let (span, groups) = match Span::grid(pipeline.kernel, first, items, self.gpu.capabilities.max_groups) {
             _ if items == 0 => return Ok(()),
             Some(grid) => grid,
             None => return Err(fault(pipeline.kernel, &format!("{items} items from {first} do not fit one dispatch"))),
         };
-        self.record(pipeline, group, span, groups)
+        self.record(pipeline, group, Span { place, ..span }, groups)
     }
 
     /// Adds a dispatch in which a single workgroup works on items `0..items`; nothing for none.

@@ -36,6 +36,7 @@ const LIBRARY: &[(&str, &str)] = &[
     ("lib/vector12", include_str!("../../shaders/lib/vector12.wgsl")),
     ("lib/vector8", include_str!("../../shaders/lib/vector8.wgsl")),
     ("lib/window", include_str!("../../shaders/lib/window.wgsl")),
+    ("lib/runs", include_str!("../../shaders/lib/runs.wgsl")),
     ("lib/wrap", include_str!("../../shaders/lib/wrap.wgsl")),
 ];
 

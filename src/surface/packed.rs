@@ -150,18 +150,18 @@ impl Doubts<'_> {
     pub const TURNED: u32 = 1;
 }
 
-/// A map on a device whose points are texels that lie there, and whose images stay there.
+/// A map on a device whose points lie there, and whose images stay there.
 pub trait ResidentMap: Sync {
     /// The device; `None` where the map has come to work on the host.
     fn gpu(&self) -> Option<&Gpu>;
 
-    /// The map of `texels`, records of four words of which the first three are a [`PackedPoint`]
-    /// (none where its triangle is [`NONE`]), to the same places of `images`.
+    /// The map of `points` to `images`. A point is a record of four words: a [`PackedPoint`] (none
+    /// where its triangle is [`NONE`]) and the place of its image.
     ///
     /// # Errors
     /// [`Error::Memory`](crate::Error::Memory), [`Error::Capability`](crate::Error::Capability) or
     /// [`Error::Device`](crate::Error::Device) if its buffers do not fit.
-    fn bind(&self, texels: Binding<'_>, images: &Buffer<PackedImage>, doubts: Doubts<'_>) -> Result<Box<dyn MapStage>>;
+    fn bind(&self, points: Binding<'_>, images: &Buffer<PackedImage>, doubts: Doubts<'_>) -> Result<Box<dyn MapStage>>;
 
     /// Maps points that the kernels left; `images` is cleared and gets one entry per point.
     ///
@@ -170,15 +170,15 @@ pub trait ResidentMap: Sync {
     fn finish(&self, points: &[PackedPoint], images: &mut Vec<PackedImage>) -> Result<()>;
 }
 
-/// A [`ResidentMap`] with its texels and images.
+/// A [`ResidentMap`] with its points and images.
 pub trait MapStage {
-    /// Texels that one call records at most.
+    /// Points that one call records at most.
     fn capacity(&self) -> usize;
 
-    /// Records the map of `count` texels from `first` on. What kernels left has the status
+    /// Records the map of the first `count` points. What kernels left has the status
     /// [`PackedImage::LEFT`] and no triangle.
     ///
     /// # Errors
     /// [`Error::Device`](crate::Error::Device).
-    fn record(&self, batch: &mut Batch<'_>, first: u32, count: usize) -> Result<()>;
+    fn record(&self, batch: &mut Batch<'_>, count: usize) -> Result<()>;
 }

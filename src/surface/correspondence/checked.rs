@@ -89,14 +89,14 @@ impl ResidentMap for Checked {
         self.map.resident().and_then(ResidentMap::gpu)
     }
 
-    fn bind(&self, texels: Binding<'_>, images: &Buffer<PackedImage>, doubts: Doubts<'_>) -> Result<Box<dyn MapStage>> {
+    fn bind(&self, points: Binding<'_>, images: &Buffer<PackedImage>, doubts: Doubts<'_>) -> Result<Box<dyn MapStage>> {
         let of = |t: u32| {
             let corner = |k: usize| self.touched[self.triangles[t as usize][k] as usize];
             let bits = |set: bool, k: u32| if set { Doubts::TURNED << k } else { 0 };
             let own = bits(self.turned[t as usize], 0);
             (0..3).fold(own | doubts.0(t), |all, k| all | bits(corner(k), k as u32 + 1))
         };
-        self.within()?.bind(texels, images, Doubts(&of))
+        self.within()?.bind(points, images, Doubts(&of))
     }
 
     fn finish(&self, points: &[PackedPoint], images: &mut Vec<PackedImage>) -> Result<()> {

@@ -33,22 +33,22 @@ const LAYOUTS: &[Layout] = &[layout!(AverageParams, {
 
 /// Both averages: on the source, and of the target's own anchors for corrections and the round
 /// trip. All anchors in one dispatch.
-pub(super) static AVERAGE_ANCHORS: Kernel = variant(&[("OWN", 1.0), ("PART", 0.0), ("TEXELS", 0.0)]);
-/// Of points in an array, and of texels: what a dispatch does.
+pub(super) static AVERAGE_ANCHORS: Kernel = variant(&[("OWN", 1.0), ("PART", 0.0), ("RECORDS", 0.0)]);
+/// Of points in an array, and of records: what a dispatch does.
 static VARIANTS: [Variants; 2] = [
     Variants {
-        both: variant(&[("OWN", 1.0), ("PART", 0.0), ("TEXELS", 0.0)]),
-        once: variant(&[("OWN", 0.0), ("PART", 0.0), ("TEXELS", 0.0)]),
-        sums: variant(&[("OWN", 0.0), ("PART", 1.0), ("TEXELS", 0.0)]),
-        both_block: variant(&[("OWN", 1.0), ("PART", 2.0), ("TEXELS", 0.0)]),
-        once_block: variant(&[("OWN", 0.0), ("PART", 2.0), ("TEXELS", 0.0)]),
+        both: variant(&[("OWN", 1.0), ("PART", 0.0), ("RECORDS", 0.0)]),
+        once: variant(&[("OWN", 0.0), ("PART", 0.0), ("RECORDS", 0.0)]),
+        sums: variant(&[("OWN", 0.0), ("PART", 1.0), ("RECORDS", 0.0)]),
+        both_block: variant(&[("OWN", 1.0), ("PART", 2.0), ("RECORDS", 0.0)]),
+        once_block: variant(&[("OWN", 0.0), ("PART", 2.0), ("RECORDS", 0.0)]),
     },
     Variants {
-        both: variant(&[("OWN", 1.0), ("PART", 0.0), ("TEXELS", 1.0)]),
-        once: variant(&[("OWN", 0.0), ("PART", 0.0), ("TEXELS", 1.0)]),
-        sums: variant(&[("OWN", 0.0), ("PART", 1.0), ("TEXELS", 1.0)]),
-        both_block: variant(&[("OWN", 1.0), ("PART", 2.0), ("TEXELS", 1.0)]),
-        once_block: variant(&[("OWN", 0.0), ("PART", 2.0), ("TEXELS", 1.0)]),
+        both: variant(&[("OWN", 1.0), ("PART", 0.0), ("RECORDS", 1.0)]),
+        once: variant(&[("OWN", 0.0), ("PART", 0.0), ("RECORDS", 1.0)]),
+        sums: variant(&[("OWN", 0.0), ("PART", 1.0), ("RECORDS", 1.0)]),
+        both_block: variant(&[("OWN", 1.0), ("PART", 2.0), ("RECORDS", 1.0)]),
+        once_block: variant(&[("OWN", 0.0), ("PART", 2.0), ("RECORDS", 1.0)]),
     },
 ];
 
@@ -66,8 +66,8 @@ struct Variants {
 }
 
 /// The dispatches that average `anchors` anchors, in order: variant of the kernel and block.
-pub(super) fn dispatches(anchors: usize, own: bool, texels: bool) -> Vec<(&'static Kernel, usize)> {
-    let v = &VARIANTS[usize::from(texels)];
+pub(super) fn dispatches(anchors: usize, own: bool, records: bool) -> Vec<(&'static Kernel, usize)> {
+    let v = &VARIANTS[usize::from(records)];
     let blocks = anchors.div_ceil(BLOCK_ANCHORS);
     if blocks <= 1 {
         return vec![(if own { &v.both } else { &v.once }, 0)];

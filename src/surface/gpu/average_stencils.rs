@@ -136,7 +136,7 @@ impl DeviceStencils {
                 let mut batch = gpu.batch()?;
                 let group = if sent == 0 { &from_host } else { &from_side[(sent + 1) % 2] };
                 batch.dispatch(&pipeline, &group.0, n)?;
-                sides[sent % 2].record(&mut batch, 0, n)?;
+                sides[sent % 2].record(&mut batch, n)?;
                 ring.push(batch, &sides[sent % 2].results, 0..n)?;
                 sent += 1;
             }

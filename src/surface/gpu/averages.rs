@@ -126,7 +126,7 @@ impl MapTables for AverageTables {
 
     fn work(&self, gpu: &Gpu, capacity: usize, points: &Points<'_>) -> Result<Work> {
         let averages = gpu.buffer::<[f32; 8]>("averages", capacity * VECTORS)?;
-        let dispatches = dispatches(self.anchor_count, self.averages_own, points.are_texels());
+        let dispatches = dispatches(self.anchor_count, self.averages_own, points.are_records());
         let mut images = Vec::new();
         for ((kernel, block), params) in dispatches.into_iter().zip(&self.parameters) {
             let pipeline = gpu.pipeline(kernel)?;

@@ -11,9 +11,9 @@ use crate::surface::field::Field;
 use crate::surface::packed::{PackedImage, PackedPoint};
 use crate::surface::project;
 
-pub(super) static INTERPOLATE_FIELD: Kernel = variant(&[("TEXELS", 0.0)]);
-/// The same of texels.
-static INTERPOLATE_TEXELS: Kernel = variant(&[("TEXELS", 1.0)]);
+pub(super) static INTERPOLATE_FIELD: Kernel = variant(&[("RECORDS", 0.0)]);
+/// The same of records.
+static INTERPOLATE_RECORDS: Kernel = variant(&[("RECORDS", 1.0)]);
 
 const fn variant(constants: &'static [(&'static str, f64)]) -> Kernel {
     Kernel {
@@ -42,7 +42,7 @@ impl MapTables for FieldTables {
 
     fn work(&self, gpu: &Gpu, capacity: usize, points: &Points<'_>) -> Result<Work> {
         let images = gpu.buffer::<[f32; 12]>("images", capacity)?;
-        let pipeline = gpu.pipeline(if points.are_texels() { &INTERPOLATE_TEXELS } else { &INTERPOLATE_FIELD })?;
+        let pipeline = gpu.pipeline(if points.are_records() { &INTERPOLATE_RECORDS } else { &INTERPOLATE_FIELD })?;
         let group = gpu.bind(&pipeline, &[points.bind(), images.bind(), self.triangles.bind(), self.field.bind()])?;
         let forward = ProjectParams::new::<12>(gpu.capabilities(), &self.source, 1, [0, 0])?;
         let forward = Projection::new::<12, _>(gpu, capacity, forward, &images, points, &self.source, &self.starts)?;

@@ -64,8 +64,7 @@ pub(super) static JUDGE_IMAGE: Kernel = Kernel {
     ],
     layouts: LAYOUTS,
     items: 1,
-    // Its points are texels.
-    constants: &[("TEXELS", 1.0)],
+    constants: &[],
 };
 
 impl JudgeParams {

@@ -11,7 +11,7 @@
 //! | `judge_image` | whether an image can be trusted | `judge_image` |
 //!
 //! What they leave, a few points in a thousand, goes through the references. A map takes points from
-//! the host and gives images back to it ([`PointMap`]), or finds the images of texels where those
+//! the host and gives images back to it ([`PointMap`]), or finds images where the points
 //! lie ([`ResidentMap`](crate::surface::packed::ResidentMap)).
 
 mod average_anchors;

@@ -81,26 +81,26 @@ const SEARCH_12: &str = concat!(include_str!("../../../shaders/search_phong.wgsl
 pub(super) static PROJECT_PHONG: Kernel = project(PROJECT_8, &OWN_POINTS);
 /// The same in R^12.
 pub(super) static PROJECT_PHONG_12: Kernel = project(PROJECT_12, &OWN_POINTS);
-/// The same of texels.
-static PROJECT_TEXELS: Kernel = project(PROJECT_8, &TEXELS);
-static PROJECT_TEXELS_12: Kernel = project(PROJECT_12, &TEXELS);
+/// The same of records.
+static PROJECT_RECORDS: Kernel = project(PROJECT_8, &RECORDS);
+static PROJECT_RECORDS_12: Kernel = project(PROJECT_12, &RECORDS);
 pub(super) static SEARCH_PHONG: Kernel = search(SEARCH_8);
 /// The same in R^12.
 pub(super) static SEARCH_PHONG_12: Kernel = search(SEARCH_12);
 
-/// Points in an array of their own.
-const OWN_POINTS: [(&str, f64); 1] = [("TEXELS", 0.0)];
-/// Points that are texels.
-const TEXELS: [(&str, f64); 1] = [("TEXELS", 1.0)];
+/// Points of three words.
+const OWN_POINTS: [(&str, f64); 1] = [("RECORDS", 0.0)];
+/// Points with places: four words.
+const RECORDS: [(&str, f64); 1] = [("RECORDS", 1.0)];
 
-/// The two kernels for surfaces in R^D and the points of an array, or `texels`.
-pub(super) fn kernels<const D: usize>(texels: bool) -> [&'static Kernel; 2] {
+/// The two kernels for surfaces in R^D and the points of an array, or of `records`.
+pub(super) fn kernels<const D: usize>(records: bool) -> [&'static Kernel; 2] {
     const { assert!(D == 8 || D == 12) };
-    match (D == 8, texels) {
+    match (D == 8, records) {
         (true, false) => [&PROJECT_PHONG, &SEARCH_PHONG],
-        (true, true) => [&PROJECT_TEXELS, &SEARCH_PHONG],
+        (true, true) => [&PROJECT_RECORDS, &SEARCH_PHONG],
         (false, false) => [&PROJECT_PHONG_12, &SEARCH_PHONG_12],
-        (false, true) => [&PROJECT_TEXELS_12, &SEARCH_PHONG_12],
+        (false, true) => [&PROJECT_RECORDS_12, &SEARCH_PHONG_12],
     }
 }
 

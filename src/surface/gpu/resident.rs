@@ -9,7 +9,7 @@ use crate::engine::{Batch, BindGroup, Binding, Buffer, Gpu, Pipeline, Table, Uni
 use crate::error::{Error, Result};
 use crate::surface::packed::{Doubts, MapStage, PackedImage, PackedPoint, ResidentMap};
 
-/// A map with the texels that it maps: the kernels of its tiles, then the verdict.
+/// A map with the points that it maps: the kernels of its tiles, then the verdict.
 #[derive(Debug)]
 struct Stage {
     capacity: usize,
@@ -24,13 +24,13 @@ impl<M: HostMap> DeviceMap<M> {
     fn stage(
         &self,
         gpu: &Gpu,
-        texels: Binding<'_>,
+        points: Binding<'_>,
         images: &Buffer<PackedImage>,
         doubts: Doubts<'_>,
     ) -> Result<Box<dyn MapStage>> {
         let map = self.reference();
         let capacity = self.tables().capacity(gpu).min(MOST_POINTS);
-        let work = self.tables().work(gpu, capacity, &Points::Texels(texels.clone()))?;
+        let work = self.tables().work(gpu, capacity, &Points::Records(points.clone()))?;
         let params = gpu.uniform("judge parameters", &JudgeParams::new(&map.vouching(), work.back.is_some()))?;
         let record = |t: u32| vouch_record(map.drift_of(t), doubts.0(t));
         let vouching: Vec<[u32; 4]> = (0..map.face_count() as u32).map(record).collect();
@@ -38,7 +38,7 @@ impl<M: HostMap> DeviceMap<M> {
         let pipeline = gpu.pipeline(&JUDGE_IMAGE)?;
         let back = work.back.as_ref().unwrap_or(&work.forward);
         let bindings =
-            [params.bind(0), texels, work.forward.results.bind(), back.results.bind(), images.bind(), vouching.bind()];
+            [params.bind(0), points, work.forward.results.bind(), back.results.bind(), images.bind(), vouching.bind()];
         let group = gpu.bind(&pipeline, &bindings)?;
         Ok(Box::new(Stage { capacity, work, judge: (pipeline, group), _params: params, _vouching: vouching }))
     }
@@ -49,9 +49,9 @@ impl MapStage for Stage {
         self.capacity
     }
 
-    fn record(&self, batch: &mut Batch<'_>, first: u32, count: usize) -> Result<()> {
-        self.work.record(batch, first, count)?;
-        batch.dispatch_range(&self.judge.0, &self.judge.1, first, count as u32)
+    fn record(&self, batch: &mut Batch<'_>, count: usize) -> Result<()> {
+        self.work.record(batch, count)?;
+        batch.dispatch(&self.judge.0, &self.judge.1, count)
     }
 }
 
@@ -60,9 +60,9 @@ impl<M: HostMap> ResidentMap for DeviceMap<M> {
         self.engine().gpu()
     }
 
-    fn bind(&self, texels: Binding<'_>, images: &Buffer<PackedImage>, doubts: Doubts<'_>) -> Result<Box<dyn MapStage>> {
+    fn bind(&self, points: Binding<'_>, images: &Buffer<PackedImage>, doubts: Doubts<'_>) -> Result<Box<dyn MapStage>> {
         let gpu = self.engine().gpu().ok_or_else(|| Error::input("there is no device", "Use --backend cpu"))?;
-        self.stage(gpu, texels, images, doubts)
+        self.stage(gpu, points, images, doubts)
     }
 
     fn finish(&self, points: &[PackedPoint], images: &mut Vec<PackedImage>) -> Result<()> {

@@ -1,7 +1,7 @@
 //! A tile of points on a device: the dispatches that make their images in the embedding, and the
 //! projections of those.
 //!
-//! The points are an array that the host fills, or texels of an atlas that lie there.
+//! The points are an array that the host fills, or records of points and places that lie there.
 
 use std::any::Any;
 use std::sync::Arc;
@@ -43,20 +43,20 @@ pub(super) fn capacity(gpu: &Gpu, vectors: usize, projections: usize) -> usize {
 pub(super) enum Points<'a> {
     /// In an array of [`PackedPoint`].
     Own(&'a Buffer<PackedPoint>),
-    /// In records of four words.
-    Texels(Binding<'a>),
+    /// In records of four words, the first three a [`PackedPoint`].
+    Records(Binding<'a>),
 }
 
 impl Points<'_> {
     pub(super) fn bind(&self) -> Binding<'_> {
         match self {
             Self::Own(points) => points.bind(),
-            Self::Texels(texels) => texels.clone(),
+            Self::Records(records) => records.clone(),
         }
     }
 
-    pub(super) fn are_texels(&self) -> bool {
-        matches!(self, Self::Texels(_))
+    pub(super) fn are_records(&self) -> bool {
+        matches!(self, Self::Records(_))
     }
 }
 
@@ -73,13 +73,13 @@ pub(super) struct Work {
 }
 
 impl Work {
-    /// The images of `count` points from `first` on, and their projections.
-    pub(super) fn record(&self, batch: &mut Batch<'_>, first: u32, count: usize) -> Result<()> {
+    /// The images of the first `count` points, and their projections.
+    pub(super) fn record(&self, batch: &mut Batch<'_>, count: usize) -> Result<()> {
         for (pipeline, group) in &self.images {
-            batch.dispatch_range(pipeline, group, first, count as u32)?;
+            batch.dispatch(pipeline, group, count)?;
         }
         let both = [Some(&self.forward), self.back.as_ref()];
-        both.into_iter().flatten().try_for_each(|p| p.record(batch, first, count))
+        both.into_iter().flatten().try_for_each(|p| p.record(batch, count))
     }
 }
 
@@ -125,7 +125,7 @@ impl Tile {
         gpu.write(&self.points, 0, points)?;
         let n = points.len();
         let mut batch = gpu.batch()?;
-        self.work.record(&mut batch, 0, n)?;
+        self.work.record(&mut batch, n)?;
         forward.push(batch, &self.work.forward.results, 0..n)?;
         if let (Some(ring), Some(p)) = (back, &self.work.back) {
             ring.push(gpu.batch()?, &p.results, 0..n)?;
@@ -148,9 +148,9 @@ impl Tile {
 }
 
 impl Projection {
-    /// The dispatches for the averages of `count` points from `first` on.
-    pub(super) fn record(&self, batch: &mut Batch<'_>, first: u32, count: usize) -> Result<()> {
-        batch.dispatch_range(&self.walk.0, &self.walk.1, first, count as u32)?;
+    /// The dispatches for the averages of the first `count` points.
+    pub(super) fn record(&self, batch: &mut Batch<'_>, count: usize) -> Result<()> {
+        batch.dispatch(&self.walk.0, &self.walk.1, count)?;
         self.left.record(batch, count)?;
         batch.dispatch(&self.search.0, &self.search.1, count.div_ceil(self.rounds))
     }
@@ -165,7 +165,7 @@ impl Projection {
         surface: &SurfaceTables,
         starts: &Table,
     ) -> Result<Self> {
-        let [project, search] = kernels::<D>(points.are_texels());
+        let [project, search] = kernels::<D>(points.are_records());
         let params = gpu.uniform("projection parameters", &params)?;
         let results = gpu.buffer::<Projected>("projections", capacity)?;
         let stride = (size_of::<Projected>() / 4) as u32;

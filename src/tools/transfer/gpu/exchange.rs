@@ -1,11 +1,11 @@
 //! Host half of the kernels `gather_left` and `place_images`: the few points that kernels of a map
 //! leave go to the host, and their images come back.
 
-use std::ops::Range;
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 
+use super::runs::PointRecord;
 use super::window::{IMAGE_LAYOUT, Rows};
 use crate::engine::{Batch, BindGroup, BindingKind, Buffer, Gpu, Kernel, Pipeline, Staging};
 use crate::error::Result;
@@ -56,11 +56,11 @@ pub(super) struct Exchange<'a> {
 }
 
 impl<'a> Exchange<'a> {
-    /// For the images of `rows`.
-    pub(super) fn new(gpu: &'a Gpu, rows: &Rows) -> Result<Self> {
+    /// For the images of `rows`, which belong to `points`.
+    pub(super) fn new(gpu: &'a Gpu, rows: &Rows, points: &Buffer<PointRecord>) -> Result<Self> {
         let list = gpu.buffer::<Record>("points left", 1 + room(rows))?;
         let pipeline = gpu.pipeline(&GATHER_LEFT)?;
-        let group = gpu.bind(&pipeline, &[rows.texels.bind(), rows.images.bind(), list.bind()])?;
+        let group = gpu.bind(&pipeline, &[points.bind(), rows.images.bind(), list.bind()])?;
         let staging = Staging::new(gpu, "points left", (1 + FIRST).min(list.len()))?;
         Ok(Self { gpu, list, staging, gather: (pipeline, group), place: gpu.pipeline(&PLACE_IMAGES)? })
     }
@@ -70,9 +70,9 @@ impl<'a> Exchange<'a> {
         self.gpu.write(&self.list, 0, &[[0; 4]])
     }
 
-    /// Adds the points left among texels `places`.
-    pub(super) fn gather(&self, batch: &mut Batch<'_>, places: Range<usize>) -> Result<()> {
-        batch.dispatch_range(&self.gather.0, &self.gather.1, places.start as u32, places.len() as u32)
+    /// Adds those of the first `count` points that are left.
+    pub(super) fn gather(&self, batch: &mut Batch<'_>, count: usize) -> Result<()> {
+        batch.dispatch(&self.gather.0, &self.gather.1, count)
     }
 
     /// Brings the beginning of the list to the host.

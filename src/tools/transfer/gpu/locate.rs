@@ -3,6 +3,8 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use super::items;
+use super::runs::{RUN_BITS, Runs};
 use super::sample_texture::FootprintRecord;
 use super::window::{IMAGE_LAYOUT, Rows, WINDOW_LAYOUT};
 use crate::engine::{Batch, BindGroup, BindingKind, Buffer, Gpu, Kernel, Pipeline, Table};
@@ -19,6 +21,7 @@ pub(super) static LOCATE: Kernel = Kernel {
         BindingKind::Read,
         BindingKind::Read,
         BindingKind::Write,
+        BindingKind::Read,
         BindingKind::Table,
         BindingKind::Table,
     ],
@@ -30,7 +33,7 @@ pub(super) static LOCATE: Kernel = Kernel {
 pub(super) static FOOTPRINT: Kernel = Kernel {
     name: "footprint",
     source: include_str!("../../../../shaders/footprint.wgsl"),
-    bindings: &[PARAMS, BindingKind::Read, BindingKind::Write, BindingKind::Table],
+    bindings: &[PARAMS, BindingKind::Read, BindingKind::Write, BindingKind::Read, BindingKind::Table],
     layouts: &[WINDOW_LAYOUT],
     items: 1,
     constants: &[],
@@ -38,6 +41,29 @@ pub(super) static FOOTPRINT: Kernel = Kernel {
 
 /// Where a texel lies on the source, and what is expected of its neighbours.
 pub(super) type LocatedRecord = [[u32; 4]; 3];
+
+/// What the texels of a chunk of rows have between stages.
+#[derive(Debug)]
+pub(super) struct Chunk {
+    /// Of the chunk and a row on either side.
+    located: Buffer<LocatedRecord>,
+    /// Of its runs.
+    pub(super) footprints: Buffer<FootprintRecord>,
+    pub(super) colors: Buffer<[f32; 4]>,
+}
+
+impl Chunk {
+    /// Room for chunks of `rows` rows of `width` texels.
+    pub(super) fn new(gpu: &Gpu, rows: usize, width: usize) -> Result<Self> {
+        // Runs may reach beyond their row.
+        let of_runs = rows * width.next_multiple_of(1 << RUN_BITS);
+        Ok(Self {
+            located: gpu.buffer("located", (rows + 2) * width)?,
+            footprints: gpu.buffer("footprints", of_runs)?,
+            colors: gpu.buffer("colours", of_runs)?,
+        })
+    }
+}
 
 /// The footprints of texels in one table of the source.
 #[derive(Debug)]
@@ -48,33 +74,41 @@ pub(super) struct Footprints {
 }
 
 impl Footprints {
-    /// `located` and `footprints` hold the texels of a chunk of rows, the first with a row on either
-    /// side.
+    /// For the texels of `chunk`.
     pub(super) fn new(
         gpu: &Gpu,
         rows: &Rows,
+        runs: &Runs,
         source: &[SourceTriangle],
         target: &Table,
-        located: &Buffer<LocatedRecord>,
-        footprints: &Buffer<FootprintRecord>,
+        chunk: &Chunk,
     ) -> Result<Self> {
         let source = gpu.table("source triangles", source)?;
         let locate = gpu.pipeline(&LOCATE)?;
-        let bindings =
-            [rows.params.bind(0), rows.texels.bind(), rows.images.bind(), located.bind(), source.bind(), target.bind()];
+        let bindings = [
+            rows.params.bind(0),
+            rows.texels.bind(),
+            rows.images.bind(),
+            chunk.located.bind(),
+            runs.list.bind(),
+            source.bind(),
+            target.bind(),
+        ];
         let locate_group = gpu.bind(&locate, &bindings)?;
         let footprint = gpu.pipeline(&FOOTPRINT)?;
-        let bindings = [rows.params.bind(0), located.bind(), footprints.bind(), source.bind()];
+        let bindings =
+            [rows.params.bind(0), chunk.located.bind(), chunk.footprints.bind(), runs.list.bind(), source.bind()];
         let footprint_group = gpu.bind(&footprint, &bindings)?;
         Ok(Self { locate: (locate, locate_group), footprint: (footprint, footprint_group), _source: source })
     }
 
-    /// Records the footprints of `chunk`; a row on either side is at hand.
-    pub(super) fn record(&self, batch: &mut Batch<'_>, rows: &Rows, chunk: Range<usize>) -> Result<()> {
-        let around = chunk.start.saturating_sub(1)..(chunk.end + 1).min(rows.height);
-        let wide = |r: &Range<usize>| r.start as u32..r.end as u32;
-        let (width, place) = (rows.width as u32, rows.place(around.start) as u32);
-        batch.dispatch_rows(&self.locate.0, &self.locate.1, wide(&around), width, place)?;
-        batch.dispatch_rows(&self.footprint.0, &self.footprint.1, wide(&chunk), width, 0)
+    /// Records the footprints of the runs of `chunk`; a row on either side is at hand.
+    pub(super) fn record(&self, batch: &mut Batch<'_>, runs: &Runs, height: usize, chunk: &Range<usize>) -> Result<()> {
+        let around = chunk.start.saturating_sub(1)..(chunk.end + 1).min(height);
+        let place = around.start as u32;
+        for texels in [runs.texels(&around), runs.border(&around)] {
+            batch.dispatch_placed(&self.locate.0, &self.locate.1, items(&texels)?, place)?;
+        }
+        batch.dispatch_placed(&self.footprint.0, &self.footprint.1, items(&runs.texels(chunk))?, place)
     }
 }

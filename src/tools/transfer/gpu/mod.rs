@@ -11,9 +11,11 @@
 //!
 //! | kernel | what it does | reference |
 //! |---|---|---|
+//! | `list_points` | points of texels, without those that show nothing | none: it only copies |
 //! | `gather_left`, `place_images` | exchange of the points that searches leave | none: they only copy |
 //! | `locate` | where a texel lies on the source | [`locate`](super::footprint::locate) |
 //! | `footprint` | how its square is stretched there | [`footprint`](super::footprint::footprint) |
+//! | `fill_background` | a picture of background | none: it only writes |
 //! | `store_texel` | samples of the result, exact texels | `layer::store`, `exact::copy_coinciding` |
 //! | `tally` | coverage, counts and areas | `tally::Tally` |
 //! | `coverage_bits` | covered texels as bits | `pad_seams::column_bits` |
@@ -29,6 +31,7 @@ mod pad_seams;
 mod picture;
 mod rasterize_atlas;
 mod resident;
+mod runs;
 mod sample_texture;
 mod stages;
 mod store_texel;
@@ -46,7 +49,7 @@ pub use rasterize_atlas::{MOST_ENTRIES, RasterizeParams, Rasterizer};
 pub(super) use resident::{Resident, Seen, Work};
 pub use sample_texture::{DeviceTexture, FootprintRecord, Sampler, TextureParams};
 pub(super) use stages::Stages;
-pub use store_texel::StoreParams;
+pub use store_texel::{BackgroundParams, StoreParams};
 pub use window::WindowParams;
 
 use crate::engine::Kernel;
@@ -55,11 +58,13 @@ use crate::error::{Error, Result};
 /// The kernels of this folder.
 pub const KERNELS: &[&Kernel] = &[
     &rasterize_atlas::RASTERIZE_ATLAS,
+    &runs::LIST_POINTS,
     &exchange::GATHER_LEFT,
     &exchange::PLACE_IMAGES,
     &locate::LOCATE,
     &locate::FOOTPRINT,
     &sample_texture::SAMPLE_TEXTURE,
+    &store_texel::FILL_BACKGROUND,
     &store_texel::STORE_TEXEL,
     &tally::TALLY,
     &copy_padding::COVERAGE_BITS,
@@ -121,6 +126,7 @@ pub(crate) fn twins() -> Vec<crate::twins::Twin> {
                 ("FAR", FAR.into()),
             ],
         ),
+        of("lib/runs", [("RUN_BITS", runs::RUN_BITS.into())]),
         of("locate", [("CENTRE", AtlasTexel::CENTRE.into())]),
         of("footprint", [("JUMP", JUMP.into()), ("AGREE", AGREE.into())]),
         of("store_texel", [("NEAR", exact::NEAR.into()), ("ALIKE", exact::ALIKE.into())]),

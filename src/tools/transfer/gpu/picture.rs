@@ -1,11 +1,15 @@
 //! Pictures of the result on a device: for each layer the pictures that it is sampled from, and where
 //! its texels are stored.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use super::device_picture::DevicePicture;
-use super::sample_texture::{FootprintRecord, Texture};
-use super::store_texel::{Format, Store, StoreTo, step_table};
+use super::items;
+use super::locate::Chunk;
+use super::runs::Runs;
+use super::sample_texture::Texture;
+use super::store_texel::{Background, Format, Store, StoreTo, step_table};
 use super::tally::by_four;
 use crate::engine::{Batch, BindGroup, Buffer, Gpu, Staging, Submission, Table};
 use crate::error::Result;
@@ -35,17 +39,19 @@ pub(super) struct Picture<'a> {
     pub(super) words: Buffer<u32>,
     pub(super) staging: Staging<'a, u32>,
     sources: Vec<(Texture, BindGroup, Store)>,
+    background: Background,
     _tables: [Table; 2],
 }
 
 impl<'a> Picture<'a> {
-    /// Room for `texels` texels of the layer, coloured from `footprints` by way of `colors`.
+    /// Room for `texels` texels of the layer in rows of `row`, coloured from the footprints of
+    /// `runs`.
     pub(super) fn new(
         gpu: &'a Gpu,
         plate: &Plate<'_>,
-        texels: usize,
-        footprints: &Buffer<FootprintRecord>,
-        colors: &Buffer<[f32; 4]>,
+        (texels, row): (usize, usize),
+        runs: &Runs,
+        chunk: &Chunk,
         options: &TransferOptions,
     ) -> Result<Self> {
         let format = Format::of(plate.image);
@@ -53,32 +59,30 @@ impl<'a> Picture<'a> {
         let textures = by_four(gpu, "textures", plate.texture_of.iter().copied())?;
         let light = plate.chains.iter().any(|c| c.encoding.linear_light);
         let steps = step_table(gpu, format.depth, light)?;
-        let to = StoreTo {
-            format,
-            background: &plate.background,
-            footprints,
-            colors,
-            picture: &words,
-            textures: &textures,
-            steps: &steps,
-        };
+        let to = StoreTo { format, row, runs, chunk, picture: &words, textures: &textures, steps: &steps };
         let source = |(k, (chain, picture)): (u32, (&MipChain<'_>, &Arc<DevicePicture>))| {
             let texture = Texture::new(gpu, Arc::clone(picture), chain, (options.filter, options.taps), k)?;
-            let group = texture.bind(gpu, footprints, colors, &textures)?;
+            let group = texture.bind(gpu, &chunk.footprints, &chunk.colors, &textures)?;
             let store = to.bind(gpu, picture, chain, k)?;
             Ok((texture, group, store))
         };
         let sources = (0..).zip(plate.chains.iter().zip(&plate.pictures)).map(source).collect::<Result<Vec<_>>>()?;
+        let background = Background::new(gpu, format, &plate.background, &words)?;
         let staging = Staging::new(gpu, "picture", words.len())?;
-        Ok(Self { lookup: plate.lookup, format, words, staging, sources, _tables: [textures, steps] })
+        Ok(Self { lookup: plate.lookup, format, words, staging, sources, background, _tables: [textures, steps] })
     }
 
-    /// Submits the colours of `count` footprints, which go to texel `first` and on.
-    pub(super) fn submit(&self, gpu: &Gpu, first: usize, count: usize) -> Result<Submission> {
+    /// Records a picture of nothing but background.
+    pub(super) fn clear(&self, batch: &mut Batch<'_>) -> Result<()> {
+        self.background.record(batch, self.words.len() / self.format.words())
+    }
+
+    /// Submits the colours of the footprints of some runs, which go to rows from `origin` on.
+    pub(super) fn submit(&self, gpu: &Gpu, texels: &Range<usize>, origin: usize) -> Result<Submission> {
         let mut batch: Batch<'_> = gpu.batch()?;
         for (texture, group, store) in &self.sources {
-            batch.dispatch_range(&texture.pipeline, group, 0, count as u32)?;
-            batch.dispatch_range(&store.pipeline, &store.group, first as u32, count as u32)?;
+            batch.dispatch(&texture.pipeline, group, texels.len())?;
+            batch.dispatch_placed(&store.pipeline, &store.group, items(texels)?, origin as u32)?;
         }
         batch.submit()
     }

@@ -10,10 +10,11 @@ use std::ops::Range;
 
 use super::copy_padding::{record_bits, submit_padding};
 use super::exchange::{Exchange, Found};
-use super::locate::{Footprints, LocatedRecord};
+use super::locate::{Chunk, Footprints, LocatedRecord};
 use super::pad_seams::Padder;
 use super::picture::{Picture, Plate};
 use super::rasterize_atlas::Rasterizer;
+use super::runs::{PointRecord, Runs};
 use super::sample_texture::FootprintRecord;
 use super::tally::DeviceTally;
 use super::window::Rows;
@@ -54,6 +55,7 @@ pub(in crate::tools::transfer) struct Resident<'a> {
     map: &'a dyn ResidentMap,
     rasterizer: Rasterizer<'a>,
     rows: Rows,
+    runs: Runs,
     stage: Box<dyn MapStage>,
     exchange: Exchange<'a>,
     /// By tables of the source; none where no layer on the device has it.
@@ -71,7 +73,7 @@ pub(in crate::tools::transfer) struct Resident<'a> {
     begun: Range<usize>,
     under_way: Option<Range<usize>>,
     // Counted against the memory budget as long as bind groups refer to them.
-    _buffers: (Buffer<LocatedRecord>, Buffer<FootprintRecord>, Buffer<[f32; 4]>, Table),
+    _buffers: (Buffer<PointRecord>, Chunk, Table),
 }
 
 /// Texels and images as the host sees them.
@@ -104,19 +106,19 @@ impl<'a> Resident<'a> {
     ) -> Result<Self> {
         let [width, height] = work.size;
         let rows = Rows::new(gpu, work.size, (work.band + 2).min(height))?;
-        let stage = map.bind(rows.texels.bind(), &rows.images, Doubts::NONE)?;
+        let points = gpu.buffer("points", CHUNK)?;
+        let runs = Runs::new(gpu, &rows, &points)?;
+        let stage = map.bind(points.bind(), &rows.images, Doubts::NONE)?;
         let chunk = chunk_rows(width).min(work.band);
-        let located = gpu.buffer("located", (chunk + 2) * width)?;
-        let footprints = gpu.buffer("footprints", chunk * width)?;
-        let colors = gpu.buffer("colours", chunk * width)?;
+        let buffers = Chunk::new(gpu, chunk, width)?;
         let target = gpu.table("target triangles", work.target)?;
         let used = |lookup: usize| plates.iter().any(|p| p.lookup == lookup);
         let table = |(k, source): (usize, &&[SourceTriangle])| {
-            used(k).then(|| Footprints::new(gpu, &rows, source, &target, &located, &footprints)).transpose()
+            used(k).then(|| Footprints::new(gpu, &rows, &runs, source, &target, &buffers)).transpose()
         };
         let by_lookup = work.lookups.iter().enumerate().map(table).collect::<Result<Vec<_>>>()?;
         let texels = width * if whole { height } else { work.band };
-        let picture = |plate: Plate<'_>| Picture::new(gpu, &plate, texels, &footprints, &colors, options);
+        let picture = |plate: Plate<'_>| Picture::new(gpu, &plate, (texels, width), &runs, &buffers, options);
         let mirror = |kept: usize| -> Result<Mirror<'a>> {
             let texels = kept * width;
             Ok(Mirror { texels: Staging::new(gpu, "texels", texels)?, images: Staging::new(gpu, "images", texels)? })
@@ -130,7 +132,7 @@ impl<'a> Resident<'a> {
             map,
             rasterizer: Rasterizer::new(gpu, &atlas.triangles, 1)?,
             stage,
-            exchange: Exchange::new(gpu, &rows)?,
+            exchange: Exchange::new(gpu, &rows, &points)?,
             footprints: by_lookup,
             pictures: plates.into_iter().map(picture).collect::<Result<_>>()?,
             of_covers: Staging::new(gpu, "coverage", tally.covers.len())?,
@@ -140,10 +142,11 @@ impl<'a> Resident<'a> {
             whole: whole.then(padder).transpose()?,
             margin: options.margin,
             rows,
+            runs,
             last: None,
             begun: 0..0,
             under_way: None,
-            _buffers: (located, footprints, colors, target),
+            _buffers: (points, buffers, target),
         };
         // Bins of a band, or its texels where the host rasterises them, come and go.
         let spare = (work.band * width * size_of::<AtlasTexel>()) as u64 + SPARE;
@@ -159,7 +162,10 @@ impl<'a> Resident<'a> {
     /// tiles, of chunks, and of whole pictures with `words` words a texel in all.
     pub(in crate::tools::transfer) fn bytes(size: [usize; 2], words: usize, triangles: usize) -> u64 {
         let texels = (size[0] * size[1]) as u64;
-        let chunk = size_of::<LocatedRecord>() + size_of::<FootprintRecord>() + size_of::<[f32; 4]>();
+        let chunk = size_of::<PointRecord>()
+            + size_of::<LocatedRecord>()
+            + size_of::<FootprintRecord>()
+            + size_of::<[f32; 4]>();
         const TILE: u64 = 256;
         2 * texels * (4 * words as u64 + 1)
             + (CHUNK as u64) * (chunk as u64 + TILE)
@@ -185,26 +191,27 @@ impl<'a> Resident<'a> {
         for piece in &pieces {
             let tile = Tile { x: 0, y: piece.start as u32, width: width as u32, height: piece.len() as u32 };
             let bins = Bins::new(&tile, atlas, most_entries)?;
+            self.runs.mark(&bins);
             let place = self.rows.place(piece.start) * width;
             self.rasterizer.record(&mut batch, &tile, &bins, &atlas.triangles, &self.rows.texels, place)?;
         }
         batch.submit()?;
         watch.lap("rasterize_atlas");
-        let places = self.places();
-        for place in &places {
-            for first in place.clone().step_by(self.stage.capacity()) {
-                let count = self.stage.capacity().min(place.end - first);
-                let mut batch = self.gpu.batch()?;
-                self.stage.record(&mut batch, first as u32, count)?;
-                batch.submit()?;
-            }
+        self.runs.list(self.gpu, end.saturating_sub(self.rows.kept)..end)?;
+        let texels = self.runs.texels(&self.begun);
+        let most = CHUNK.min(self.stage.capacity());
+        for first in texels.clone().step_by(most) {
+            let tile = first..(first + most).min(texels.end);
+            let mut batch = self.gpu.batch()?;
+            self.runs.points(&mut batch, &tile)?;
+            self.stage.record(&mut batch, tile.len())?;
+            self.exchange.gather(&mut batch, tile.len())?;
+            batch.submit()?;
         }
         let mut batch = self.gpu.batch()?;
-        for place in &places {
-            self.exchange.gather(&mut batch, place.clone())?;
-        }
         self.exchange.record(&mut batch)?;
         if let Some(mirror) = &mut self.mirror {
+            let places = places(&self.rows, &self.begun);
             mirror.texels.record(&mut batch, &self.rows.texels, &places)?;
             mirror.images.record(&mut batch, &self.rows.images, &places)?;
         }
@@ -226,7 +233,7 @@ impl<'a> Resident<'a> {
     ) -> Result<(Vec<Found>, Option<Seen>)> {
         self.wait()?;
         self.take_rows(images)?;
-        let places: Vec<Range<usize>> = self.places();
+        let places = places(&self.rows, &self.begun);
         let left = match self.exchange.take()? {
             Some(left) => left,
             None => self.all_left(&places)?,
@@ -250,6 +257,10 @@ impl<'a> Resident<'a> {
         let Some(mirror) = &mut self.mirror else { return Ok((found, None)) };
         let texels = mirror.texels.take(<[AtlasTexel]>::to_vec)?;
         let mut images = mirror.images.take(<[PackedImage]>::to_vec)?;
+        // The kernels give images to texels that show something; other places hold what was there.
+        for (_, image) in texels.iter().zip(&mut images).filter(|(t, _)| !t.is_covered()) {
+            *image = PackedImage::NOWHERE;
+        }
         let mut before = 0;
         for place in &places {
             for f in found.iter().filter(|f| place.contains(&(f.place as usize))) {
@@ -274,20 +285,23 @@ impl<'a> Resident<'a> {
         let mut batch = self.gpu.batch()?;
         self.exchange.place(&mut batch, &self.rows, found)?;
         self.tally.record(&mut batch, &self.rows, band)?;
+        if self.whole.is_none() || band.start == 0 {
+            self.pictures.iter().try_for_each(|p| p.clear(&mut batch))?;
+        }
         self.last = Some(batch.submit()?);
         watch.lap("coverage");
         let origin = if self.whole.is_some() { 0 } else { band.start };
         for first in band.clone().step_by(chunk_rows(width)) {
             let chunk = first..(first + chunk_rows(width)).min(band.end);
-            let at = (chunk.start - origin) * width;
+            let texels = self.runs.texels(&chunk);
             for (lookup, footprints) in self.footprints.iter().enumerate() {
                 let Some(footprints) = footprints else { continue };
                 let mut batch = self.gpu.batch()?;
-                footprints.record(&mut batch, &self.rows, chunk.clone())?;
+                footprints.record(&mut batch, &self.runs, self.rows.height, &chunk)?;
                 self.last = Some(batch.submit()?);
                 watch.lap("footprint");
                 for picture in self.pictures.iter().filter(|p| p.lookup == lookup) {
-                    self.last = Some(picture.submit(self.gpu, at, chunk.len() * width)?);
+                    self.last = Some(picture.submit(self.gpu, &texels, origin)?);
                     watch.lap("sample_texture");
                 }
             }
@@ -358,16 +372,6 @@ impl<'a> Resident<'a> {
         self.last.take().map_or(Ok(()), |last| self.gpu.wait(&last))
     }
 
-    /// Places of the rows that were begun.
-    fn places(&self) -> Vec<Range<usize>> {
-        let width = self.rows.width;
-        let place = |piece: Range<usize>| {
-            let first = self.rows.place(piece.start);
-            first * width..(first + piece.len()) * width
-        };
-        self.rows.pieces(self.begun.clone()).into_iter().map(place).collect()
-    }
-
     /// All points that were left, where they are more than the list holds.
     fn all_left(&self, places: &[Range<usize>]) -> Result<Vec<(u32, PackedPoint)>> {
         let mut left = Vec::new();
@@ -375,7 +379,10 @@ impl<'a> Resident<'a> {
             let texels = self.gpu.read(&self.rows.texels, place.clone())?;
             let images = self.gpu.read(&self.rows.images, place.clone())?;
             let both = (place.start as u32..).zip(texels.iter().zip(&images));
-            left.extend(both.filter(|(_, (_, i))| i.status == PackedImage::LEFT).map(|(p, (t, _))| (p, t.point())));
+            left.extend(
+                both.filter(|(_, (t, i))| t.is_covered() && i.status == PackedImage::LEFT)
+                    .map(|(p, (t, _))| (p, t.point())),
+            );
         }
         left.sort_unstable_by_key(|(place, _)| *place);
         Ok(left)
@@ -390,6 +397,15 @@ impl<'a> Resident<'a> {
         }
         Ok(())
     }
+}
+
+/// Places of some rows.
+fn places(rows: &Rows, some: &Range<usize>) -> Vec<Range<usize>> {
+    let place = |piece: Range<usize>| {
+        let first = rows.place(piece.start);
+        first * rows.width..(first + piece.len()) * rows.width
+    };
+    rows.pieces(some.clone()).into_iter().map(place).collect()
 }
 
 /// Rows of a chunk.

@@ -6,8 +6,9 @@ use super::locate::{FOOTPRINT, LOCATE};
 use super::pad_seams::{PAD_COLUMNS, PAD_SEAMS, Padder};
 use super::rasterize_atlas::{RASTERIZE_ATLAS, Rasterizer};
 use super::resident::{Resident, Work};
+use super::runs::LIST_POINTS;
 use super::sample_texture::{DeviceTexture, SAMPLE_TEXTURE, Sampler};
-use super::store_texel::{Format, STORE_TEXEL};
+use super::store_texel::{FILL_BACKGROUND, Format, STORE_TEXEL};
 use super::tally::TALLY;
 use crate::engine::{Engine, Gpu, Kernel};
 use crate::error::{Error, Result};
@@ -18,7 +19,8 @@ use crate::tools::transfer::atlas::AtlasTriangle;
 use crate::tools::transfer::{Layer, TransferOptions};
 
 /// The stages between map, sampling and padding.
-const IN_BETWEEN: [&Kernel; 6] = [&GATHER_LEFT, &PLACE_IMAGES, &LOCATE, &FOOTPRINT, &STORE_TEXEL, &TALLY];
+const IN_BETWEEN: [&Kernel; 8] =
+    [&LIST_POINTS, &GATHER_LEFT, &PLACE_IMAGES, &LOCATE, &FOOTPRINT, &FILL_BACKGROUND, &STORE_TEXEL, &TALLY];
 /// The stages of padding.
 const PADDING: [&Kernel; 4] = [&COVERAGE_BITS, &PAD_COLUMNS, &PAD_SEAMS, &COPY_PADDING];
 

@@ -1,4 +1,4 @@
-//! Host half of the kernel `store_texel`: pictures of the result on a device.
+//! Host half of the kernels `store_texel` and `fill_background`: pictures of the result on a device.
 //!
 //! A texel takes whole words there: one of 8-bit samples, one or two of 16-bit samples, one for each
 //! float.
@@ -9,8 +9,10 @@ use bytemuck::{Pod, Zeroable};
 use rayon::prelude::*;
 
 use super::device_picture::DevicePicture;
-use super::sample_texture::{FootprintRecord, mode};
-use crate::engine::{BindGroup, BindingKind, Buffer, Gpu, Kernel, Layout, Pipeline, Table, UniformBlocks};
+use super::locate::Chunk;
+use super::runs::Runs;
+use super::sample_texture::mode;
+use crate::engine::{Batch, BindGroup, BindingKind, Buffer, Gpu, Kernel, Layout, Pipeline, Table, UniformBlocks};
 use crate::error::Result;
 use crate::kernel_layout as layout;
 use crate::raster::{Depth, Image, Pixels};
@@ -21,7 +23,6 @@ use crate::tools::transfer::mip::{Alpha, MipChain};
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct StoreParams {
-    background: [u32; 4],
     texture: u32,
     width: u32,
     height: u32,
@@ -32,12 +33,12 @@ pub struct StoreParams {
     opacity: u32,
     exact: u32,
     words: u32,
-    unused0: u32,
-    unused1: u32,
+    row: u32,
+    unused: u32,
 }
 
 const LAYOUTS: &[Layout] = &[layout!(StoreParams, {
-    background, texture, width, height, wrap_u, wrap_v, channels, wide, opacity, exact, words, unused0, unused1
+    texture, width, height, wrap_u, wrap_v, channels, wide, opacity, exact, words, row, unused
 })];
 
 /// Samples of 8 bits, not light.
@@ -58,6 +59,7 @@ const fn variant(constants: &'static [(&'static str, f64)]) -> Kernel {
             BindingKind::Read,
             BindingKind::Read,
             BindingKind::Write,
+            BindingKind::Read,
             BindingKind::Table,
             BindingKind::Table,
             BindingKind::Table,
@@ -171,14 +173,58 @@ pub(super) struct Store {
     _params: UniformBlocks<StoreParams>,
 }
 
+/// Parameters of the kernel `fill_background`; twin of the struct in `shaders/fill_background.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct BackgroundParams {
+    background: [u32; 4],
+    words: u32,
+    unused0: u32,
+    unused1: u32,
+    unused2: u32,
+}
+
+pub(super) static FILL_BACKGROUND: Kernel = Kernel {
+    name: "fill_background",
+    source: include_str!("../../../../shaders/fill_background.wgsl"),
+    bindings: &[BindingKind::Uniform(size_of::<BackgroundParams>() as u64), BindingKind::Write],
+    layouts: &[layout!(BackgroundParams, { background, words, unused0, unused1, unused2 })],
+    items: 1,
+    constants: &[],
+};
+
+/// What texels of a picture hold that show nothing.
+#[derive(Debug)]
+pub(super) struct Background {
+    fill: (Arc<Pipeline>, BindGroup),
+    _params: UniformBlocks<BackgroundParams>,
+}
+
+impl Background {
+    /// `background` is a picture of nothing else, in the format.
+    pub(super) fn new(gpu: &Gpu, format: Format, background: &Image, picture: &Buffer<u32>) -> Result<Self> {
+        let (background, words) = (format.words_of(background), format.words() as u32);
+        let params = BackgroundParams { background, words, unused0: 0, unused1: 0, unused2: 0 };
+        let params = gpu.uniform("background parameters", &params)?;
+        let pipeline = gpu.pipeline(&FILL_BACKGROUND)?;
+        let group = gpu.bind(&pipeline, &[params.bind(0), picture.bind()])?;
+        Ok(Self { fill: (pipeline, group), _params: params })
+    }
+
+    /// Records it for the first `count` texels.
+    pub(super) fn record(&self, batch: &mut Batch<'_>, count: usize) -> Result<()> {
+        batch.dispatch(&self.fill.0, &self.fill.1, count)
+    }
+}
+
 /// What stores bind, beside pictures of the source.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct StoreTo<'a> {
     pub(super) format: Format,
-    /// A picture of nothing but background, in the format.
-    pub(super) background: &'a Image,
-    pub(super) footprints: &'a Buffer<FootprintRecord>,
-    pub(super) colors: &'a Buffer<[f32; 4]>,
+    /// Texels of a row.
+    pub(super) row: usize,
+    pub(super) runs: &'a Runs,
+    pub(super) chunk: &'a Chunk,
     pub(super) picture: &'a Buffer<u32>,
     pub(super) textures: &'a Table,
     pub(super) steps: &'a Table,
@@ -189,7 +235,6 @@ impl StoreTo<'_> {
     pub(super) fn bind(&self, gpu: &Gpu, picture: &DevicePicture, chain: &MipChain<'_>, texture: u32) -> Result<Store> {
         let image = chain.image;
         let params = StoreParams {
-            background: self.format.words_of(self.background),
             texture,
             width: image.width,
             height: image.height,
@@ -201,8 +246,8 @@ impl StoreTo<'_> {
             // A picture of another depth than the layer's deepest is converted.
             exact: u32::from(image.depth() == self.format.depth),
             words: self.format.words() as u32,
-            unused0: 0,
-            unused1: 0,
+            row: self.row as u32,
+            unused: 0,
         };
         let params = gpu.uniform("store parameters", &params)?;
         let depth = match self.format.depth {
@@ -213,9 +258,10 @@ impl StoreTo<'_> {
         let pipeline = gpu.pipeline(&VARIANTS[depth][usize::from(chain.encoding.linear_light)])?;
         let bindings = [
             params.bind(0),
-            self.footprints.bind(),
-            self.colors.bind(),
+            self.chunk.footprints.bind(),
+            self.chunk.colors.bind(),
             self.picture.bind(),
+            self.runs.list.bind(),
             picture.base.bind(),
             self.textures.bind(),
             self.steps.bind(),
