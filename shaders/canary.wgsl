@@ -1,5 +1,5 @@
-// Tries what kernels rely on and what drivers are known to break (engine::canary,
-// engine::capability).
+// Tries what kernels rely on and what drivers are known to break (engine::device::canary,
+// engine::device::learned).
 
 //#import lib/span
 

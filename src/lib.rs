@@ -67,12 +67,18 @@
 //! - [`mod@io`], files
 //! - [`mod@models`], built-in shapes and characters with known correspondence
 
+#[cfg(feature = "gpu")]
 pub mod conformance;
+#[cfg(feature = "files")]
 pub mod desk;
 pub mod encoding;
 pub mod engine;
 pub mod error;
 pub mod geometry;
+#[cfg(feature = "files")]
+pub mod io;
+#[cfg(not(feature = "files"))]
+#[path = "io/bare.rs"]
 pub mod io;
 pub mod mapping;
 pub mod models;
@@ -80,13 +86,15 @@ pub mod progress;
 pub mod raster;
 pub mod surface;
 pub mod tools;
-#[cfg(test)]
+#[cfg(all(test, feature = "gpu"))]
 mod twins;
 
 pub use error::{Error, Result};
 
 // Types of both stand in public signatures.
-pub use {glam, wgpu};
+pub use glam;
+#[cfg(feature = "gpu")]
+pub use wgpu;
 
 /// The ten types that the main job needs, and [`Result`].
 pub mod prelude {

@@ -1,6 +1,6 @@
-// Tables of four-word texels. See engine::table.
+// Tables of four-word texels. See engine::device::table.
 
-// Texels of a row; table::WIDTH.
+// Texels of a row; device::table::WIDTH.
 const TABLE_WIDTH: u32 = 2048u;
 
 fn texel(table: texture_2d<u32>, index: u32) -> vec4u {

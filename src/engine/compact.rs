@@ -6,9 +6,7 @@
 
 use std::sync::Arc;
 
-use super::buffer::{BindGroup, Buffer, UniformBlocks};
-use super::dispatch::Batch;
-use super::gpu::{Gpu, Pipeline};
+use super::device::{Batch, BindGroup, Buffer, Gpu, Pipeline, UniformBlocks};
 use super::kernel::{BindingKind, GROUP, Kernel, Layout, layout};
 use crate::error::Result;
 

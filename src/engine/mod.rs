@@ -6,34 +6,34 @@
 //! entry point returns an error, never a panic, when a device is missing, lost, or too small.
 
 mod adapter;
-mod buffer;
-mod canary;
 mod capability;
 mod compact;
-mod dispatch;
-mod gpu;
+#[cfg(feature = "gpu")]
+mod device;
+#[cfg(not(feature = "gpu"))]
+#[path = "absent.rs"]
+mod device;
 mod kernel;
 #[doc(hidden)]
 pub mod lane;
 mod options;
-mod pyramid;
-#[doc(hidden)]
-pub mod readback;
 #[doc(hidden)]
 pub mod real;
 pub mod reduce;
+#[cfg(feature = "gpu")]
 pub mod reflect;
 mod shader;
 mod start;
-mod table;
 mod traffic;
 
 pub use adapter::AdapterSummary;
-pub use buffer::{BindGroup, Binding, Buffer, PingPong, UniformBlocks};
 pub use capability::Capabilities;
 pub use compact::{Compaction, Matching};
-pub use dispatch::{Batch, Submission};
-pub use gpu::{Gpu, Pipeline};
+pub use device::{
+    Batch, BindGroup, Binding, Buffer, Gpu, PingPong, Pipeline, ReadbackRing, Staging, Submission, Table, UniformBlocks,
+};
+#[doc(hidden)]
+pub use device::{Pyramid, Word};
 pub use kernel::{BindingKind, GROUP, Kernel, Layout, Span};
 #[doc(hidden)]
 pub use kernel::{SPAN_LAYOUT, UNIFORM_BLOCK};
@@ -41,20 +41,17 @@ pub use kernel::{SPAN_LAYOUT, UNIFORM_BLOCK};
 pub use lane::{Lane, LaneScalar, Lanes, Sweep, TILE};
 pub use options::{Backend, DeviceLimits, EngineOptions};
 #[doc(hidden)]
-pub use pyramid::{Pyramid, Word};
-pub use readback::{ReadbackRing, Staging};
-#[doc(hidden)]
 pub use real::Real;
 #[doc(hidden)]
 pub use shader::{Composed, compose};
 pub use start::{Description, Engine};
-pub use table::Table;
 pub use traffic::Traffic;
 
 /// The engine's own kernels.
+#[cfg(feature = "gpu")]
 #[doc(hidden)]
 pub const KERNELS: &[&Kernel] = &[
-    &canary::CANARY,
+    &device::CANARY,
     &compact::COMPACT_COUNT,
     &compact::COMPACT_SCAN,
     &compact::COMPACT_SCATTER,
@@ -63,7 +60,7 @@ pub const KERNELS: &[&Kernel] = &[
 ];
 
 /// The constants of the shaders that are these of Rust.
-#[cfg(test)]
+#[cfg(all(test, feature = "gpu"))]
 pub(crate) fn twins() -> Vec<crate::twins::Twin> {
     use crate::twins::of;
     [
@@ -71,7 +68,7 @@ pub(crate) fn twins() -> Vec<crate::twins::Twin> {
         of("compact_scatter", [("ITEMS", compact::ITEMS.into())]),
         of("reduce_min", [("ITEMS", reduce::ITEMS.into())]),
         of("reduce_sum", [("ITEMS", reduce::ITEMS.into())]),
-        of("lib/table", [("TABLE_WIDTH", table::WIDTH.into())]),
+        of("lib/table", [("TABLE_WIDTH", device::WIDTH.into())]),
     ]
     .concat()
 }

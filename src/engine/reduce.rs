@@ -5,8 +5,7 @@
 //! barrier costs a software device more than the values do. The device does the first level; what
 //! is left is a thousandth, read back and finished here.
 
-use super::buffer::Buffer;
-use super::gpu::Gpu;
+use super::device::{Buffer, Gpu};
 use super::kernel::{BindingKind, GROUP, Kernel, Layout, layout};
 use crate::error::Result;
 

@@ -3,21 +3,19 @@
 use std::fmt;
 use std::sync::Arc;
 
-use super::adapter::{self, AdapterSummary, Wanted};
-use super::canary;
-use super::capability::Capabilities;
-use super::gpu::Gpu;
-use super::options::{Backend, DeviceLimits, EngineOptions};
-use crate::error::{Error, Result};
+use super::adapter::AdapterSummary;
+use super::device::{self, Gpu};
+use super::options::{Backend, EngineOptions};
+use crate::error::Result;
 
 /// Where kernels run. Cheap to clone; clones share the device.
 #[derive(Clone, Debug)]
 pub struct Engine {
-    backend: Backend,
-    gpu: Option<Arc<Gpu>>,
-    description: Description,
-    note: Option<String>,
-    cpu_stages: Vec<String>,
+    pub(super) backend: Backend,
+    pub(super) gpu: Option<Arc<Gpu>>,
+    pub(super) description: Description,
+    pub(super) note: Option<String>,
+    pub(super) cpu_stages: Vec<String>,
 }
 
 /// Who computed a result, as reports give it.
@@ -45,8 +43,8 @@ impl Engine {
     /// name. An adapter asked for by name must exist.
     ///
     /// # Errors
-    /// [`Error::NoAdapter`] if a named adapter, or for `Gpu` any adapter, is missing;
-    /// [`Error::Device`] if it cannot be started.
+    /// [`Error::NoAdapter`](crate::Error::NoAdapter) if a named adapter, or for `Gpu` any adapter, is missing;
+    /// [`Error::Device`](crate::Error::Device) if it cannot be started.
     ///
     /// # Examples
     /// ```
@@ -58,8 +56,8 @@ impl Engine {
     pub fn new(options: EngineOptions) -> Result<Self> {
         match options.backend {
             Backend::Cpu | Backend::Reference => Ok(Self::on_cpu(options.backend)),
-            Backend::Gpu => Self::on_adapter(&options, Wanted::Any),
-            Backend::Auto => match Self::on_adapter(&options, Wanted::Hardware) {
+            Backend::Gpu => Self::on_adapter(&options, true),
+            Backend::Auto => match Self::on_adapter(&options, false) {
                 Ok(engine) => Ok(engine),
                 Err(e) if options.adapter.is_some() => Err(e),
                 Err(e) => Ok(Self { note: Some(format!("working on the CPU: {e}")), ..Self::on_cpu(Backend::Cpu) }),
@@ -77,18 +75,9 @@ impl Engine {
         Self::on_cpu(Backend::Reference)
     }
 
-    /// An engine on a device the caller made and keeps. Its limits are what the device was created
-    /// with; its callbacks for loss and stray errors stay the caller's.
-    ///
-    /// # Errors
-    /// [`Error::Device`] if the device fails the start-up tests.
-    pub fn from_device(info: &wgpu::AdapterInfo, device: wgpu::Device, queue: wgpu::Queue) -> Result<Self> {
-        Self::with_device(info, device, queue, &EngineOptions::default(), false)
-    }
-
     /// All adapters of this machine, best first; empty where no driver is installed.
     pub fn adapters() -> Vec<AdapterSummary> {
-        adapter::list()
+        device::adapters()
     }
 
     /// The back end at work: never `Auto`.
@@ -125,54 +114,6 @@ impl Engine {
             driver: format!("{threads} thread{}", if threads == 1 { "" } else { "s" }),
         };
         Self { backend, gpu: None, description, note: None, cpu_stages: Vec::new() }
-    }
-
-    /// On the adapter that is named, or else the best of those wanted.
-    fn on_adapter(options: &EngineOptions, wanted: Wanted<'_>) -> Result<Self> {
-        let named = options.adapter.clone().or_else(|| std::env::var("WGPU_ADAPTER_NAME").ok());
-        let adapter = adapter::choose(named.as_deref().map_or(wanted, Wanted::Named))?;
-        let info = adapter.get_info();
-        let required_limits = match options.limits {
-            DeviceLimits::Adapter => adapter.limits(),
-            DeviceLimits::Downlevel => wgpu::Limits::downlevel_defaults().or_worse_values_from(&adapter.limits()),
-        };
-        let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
-            label: Some("barymap"),
-            required_limits,
-            ..Default::default()
-        }))
-        .map_err(|e| Error::Device {
-            what: format!("adapter '{}' could not be started: {e}", info.name),
-            remedy: "Choose another with --adapter (barymap devices lists them) or use --backend cpu".into(),
-        })?;
-        Self::with_device(&info, device, queue, options, true)
-    }
-
-    fn with_device(
-        info: &wgpu::AdapterInfo,
-        device: wgpu::Device,
-        queue: wgpu::Queue,
-        options: &EngineOptions,
-        owned: bool,
-    ) -> Result<Self> {
-        let capabilities = Capabilities::from_limits(&device.limits(), adapter::is_software(info));
-        let mut gpu = Gpu::new(device, queue, capabilities, options.memory, options.timeout);
-        if owned {
-            gpu.watch();
-        }
-        canary::run(&mut gpu)?;
-        let description = Description {
-            backend: Backend::Gpu.word().into(),
-            name: info.name.clone(),
-            driver: format!("{}, {}", adapter::driver(info), info.backend),
-        };
-        Ok(Self {
-            backend: Backend::Gpu,
-            gpu: Some(Arc::new(gpu)),
-            description,
-            note: None,
-            cpu_stages: options.cpu_stages.clone(),
-        })
     }
 }
 

@@ -4,7 +4,6 @@
 //! what a device that is faster than a software driver would wait for.
 
 use std::ops::{AddAssign, Sub};
-use std::sync::atomic::{AtomicU64, Ordering};
 
 /// What was done on a device between two moments.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -51,60 +50,5 @@ impl AddAssign for Traffic {
         self.submissions += more.submissions;
         self.waits += more.waits;
         self.allocations += more.allocations;
-    }
-}
-
-/// The counters of a device, which only grow.
-#[derive(Debug, Default)]
-pub(super) struct Counters {
-    bytes_up: AtomicU64,
-    bytes_up_once: AtomicU64,
-    bytes_down: AtomicU64,
-    dispatches: AtomicU64,
-    submissions: AtomicU64,
-    waits: AtomicU64,
-    allocations: AtomicU64,
-}
-
-impl Counters {
-    pub(super) fn up(&self, bytes: u64) {
-        self.bytes_up.fetch_add(bytes, Ordering::Relaxed);
-    }
-
-    pub(super) fn up_once(&self, bytes: u64) {
-        self.bytes_up_once.fetch_add(bytes, Ordering::Relaxed);
-    }
-
-    pub(super) fn down(&self, bytes: u64) {
-        self.bytes_down.fetch_add(bytes, Ordering::Relaxed);
-    }
-
-    pub(super) fn dispatch(&self) {
-        self.dispatches.fetch_add(1, Ordering::Relaxed);
-    }
-
-    pub(super) fn submission(&self) {
-        self.submissions.fetch_add(1, Ordering::Relaxed);
-    }
-
-    pub(super) fn wait(&self) {
-        self.waits.fetch_add(1, Ordering::Relaxed);
-    }
-
-    pub(super) fn allocation(&self) {
-        self.allocations.fetch_add(1, Ordering::Relaxed);
-    }
-
-    pub(super) fn read(&self) -> Traffic {
-        let count = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
-        Traffic {
-            bytes_up: count(&self.bytes_up),
-            bytes_up_once: count(&self.bytes_up_once),
-            bytes_down: count(&self.bytes_down),
-            dispatches: count(&self.dispatches),
-            submissions: count(&self.submissions),
-            waits: count(&self.waits),
-            allocations: count(&self.allocations),
-        }
     }
 }

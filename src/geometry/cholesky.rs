@@ -19,7 +19,7 @@ use faer::sparse::linalg::cholesky::{
     LdltRef, LltRef, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
 };
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
-use faer::{Conj, Mat, Par, Side};
+use faer::{Conj, Mat, MatMut, Par, Side};
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
@@ -226,7 +226,7 @@ impl SparseCholesky {
             return self.solve_bordered(x);
         }
         let llt = LltRef::new(&self.symbolic, &self.values);
-        x.as_mut().par_col_chunks_mut(COLUMNS).try_for_each(|columns| {
+        groups(x.as_mut()).into_par_iter().try_for_each(|columns| {
             let request = self.symbolic.solve_in_place_scratch::<f64>(columns.ncols(), Par::Seq);
             let mut scratch = MemBuffer::try_new(request).map_err(|_| failed(self.what, "out of memory"))?;
             llt.solve_in_place_with_conj(Conj::No, columns, Par::Seq, MemStack::new(&mut scratch));
@@ -236,13 +236,25 @@ impl SparseCholesky {
 
     fn solve_bordered(&self, x: &mut Mat<f64>) -> Result<()> {
         let ldlt = LdltRef::new(&self.symbolic, &self.values);
-        x.as_mut().par_col_chunks_mut(COLUMNS).try_for_each(|columns| {
+        groups(x.as_mut()).into_par_iter().try_for_each(|columns| {
             let request = self.symbolic.solve_in_place_scratch::<f64>(columns.ncols(), Par::Seq);
             let mut scratch = MemBuffer::try_new(request).map_err(|_| failed(self.what, "out of memory"))?;
             ldlt.solve_in_place_with_conj(Conj::No, columns, Par::Seq, MemStack::new(&mut scratch));
             Ok(())
         })
     }
+}
+
+/// The columns in groups of [`COLUMNS`], the last one smaller.
+fn groups(mut left: MatMut<'_, f64>) -> Vec<MatMut<'_, f64>> {
+    let mut groups = Vec::with_capacity(left.ncols().div_ceil(COLUMNS));
+    while left.ncols() > 0 {
+        let columns = left.ncols().min(COLUMNS);
+        let (group, rest) = left.split_at_col_mut(columns);
+        groups.push(group);
+        left = rest;
+    }
+    groups
 }
 
 fn failed(what: &str, why: &str) -> Error {

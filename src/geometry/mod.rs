@@ -13,6 +13,7 @@ pub(crate) mod isomorphism;
 pub(crate) mod laplacian;
 pub mod material;
 pub mod mesh;
+pub(crate) mod off_mesh;
 mod pieces;
 pub(crate) mod placement;
 pub mod polygon;

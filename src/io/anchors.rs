@@ -11,6 +11,7 @@ use glam::DVec3;
 use serde_json::Value;
 
 use super::source;
+use crate::geometry::off_mesh::{ELSEWHERE, FARTHEST, lies_off};
 use crate::geometry::{Mesh, SurfacePoint, Topology};
 use crate::{Error, Result};
 
@@ -29,11 +30,6 @@ pub enum AnchorSpec {
     /// A point in space, to be moved to the closest point of the surface.
     Position(DVec3),
 }
-
-/// Distances from a mesh, in the diagonal of its bounding box, beyond which a position is a
-/// mistake: other units, or another mesh.
-#[doc(hidden)]
-pub const FARTHEST: f64 = 100.0;
 
 /// Anchors of one mesh, with the file they came from.
 #[derive(Clone, Debug, PartialEq)]
@@ -306,7 +302,7 @@ impl AnchorList {
     /// # Errors
     /// [`Error::Input`] naming the file and the anchor: an index out of range, a vertex that no
     /// usable triangle touches, a degenerate triangle, a position farther
-    /// from the mesh than [`FARTHEST`].
+    /// from the mesh than 100 times the diagonal of its box.
     pub fn resolve(
         &self,
         mesh: &Mesh,
@@ -371,16 +367,6 @@ impl AnchorList {
             }
         }
     }
-}
-
-/// What to do about a position beyond [`FARTHEST`].
-#[doc(hidden)]
-pub const ELSEWHERE: &str = "Check its units, and that it belongs to this mesh";
-
-/// The words about a position that is `distance` away from a mesh with this diagonal.
-#[doc(hidden)]
-pub fn lies_off(distance: f64, diagonal: f64) -> String {
-    format!("lies {distance:.4e} off the mesh, {:.0} times its diagonal", distance / diagonal)
 }
 
 impl AnchorPairs {

@@ -5,7 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{output, source};
+use super::{open, output};
 use crate::Result;
 
 /// Collects what a result depends on: content, parameters and the version of the algorithm.
@@ -59,10 +59,12 @@ const CHECKSUM: usize = blake3::OUT_LEN;
 
 impl Cache {
     /// The folder named by the environment variable `BARYMAP_CACHE`, else `barymap` in the user's
-    /// cache folder, else no cache.
+    /// cache folder (with the feature `files`), else no cache.
     pub fn from_environment() -> Self {
         let named = std::env::var_os("BARYMAP_CACHE").filter(|v| !v.is_empty()).map(PathBuf::from);
-        Self { folder: named.or_else(|| dirs::cache_dir().map(|d| d.join("barymap"))) }
+        #[cfg(feature = "files")]
+        let named = named.or_else(|| dirs::cache_dir().map(|d| d.join("barymap")));
+        Self { folder: named }
     }
 
     /// A cache in `folder`, which is made when something is put there.
@@ -82,7 +84,7 @@ impl Cache {
 
     /// The entry under `key`, if there is one and it is whole.
     pub fn get(&self, key: &str) -> Option<Vec<u8>> {
-        let mut bytes = source::read_all(&self.entry(key)?).ok()?;
+        let mut bytes = open::read_all(&self.entry(key)?).ok()?;
         let head = MAGIC.len() + CHECKSUM;
         let content = bytes.get(head..)?;
         let intact = bytes.starts_with(MAGIC) && *blake3::hash(content).as_bytes() == bytes[MAGIC.len()..head];

@@ -8,9 +8,9 @@ use std::path::Path;
 use glam::DVec3;
 use serde_json::Value;
 
-use super::anchors::{ELSEWHERE, FARTHEST, lies_off};
 use super::source;
 use crate::geometry::Mesh;
+use crate::geometry::off_mesh::{ELSEWHERE, FARTHEST, lies_off};
 use crate::{Error, Result};
 
 /// Reads handles as pairs of a 0-based vertex and its new position.
@@ -43,7 +43,8 @@ pub fn read_handles(path: impl AsRef<Path>) -> Result<Vec<(u32, DVec3)>> {
     list.iter().enumerate().map(handle).collect()
 }
 
-/// Fails for a handle that is put farther from the mesh than [`FARTHEST`]: from the box around it.
+/// Fails for a handle that is put farther from the mesh than 100 times the diagonal of the box
+/// around it, from that box.
 ///
 /// # Errors
 /// [`Error::Format`] naming the handle and the distance.

@@ -64,6 +64,7 @@ pub mod obj;
 pub mod obj_write;
 #[doc(hidden)]
 pub mod off;
+mod open;
 pub mod outline;
 pub mod output;
 pub mod output_set;

@@ -66,6 +66,7 @@ fn fill<T>(path: &Path, file: &mut File, write: impl FnOnce(&mut BufWriter<&mut 
 ///
 /// # Errors
 /// As [`write_atomically`]; [`Error::NotFinite`] for a GLB file with a number that is not finite.
+#[cfg(feature = "files")]
 pub fn write_bytes(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
     let path = path.as_ref();
     super::finite_gltf::check(path, bytes)?;
@@ -160,7 +161,7 @@ impl Temporary {
         if registry.closed {
             return Err(Error::io(path, io::ErrorKind::Interrupted.into(), "Run the command again"));
         }
-        fs::rename(&self.path, target).map_err(|e| Error::io(path, e, REMEDY))?;
+        fs::rename(self.path(), target).map_err(|e| Error::io(path, e, REMEDY))?;
         registry.live.retain(|p| *p != self.path);
         Ok(())
     }

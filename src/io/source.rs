@@ -1,30 +1,10 @@
 //! What the readers share: opening files, telling text from UTF-16, counting what was passed over.
 
-use std::fs::File;
-use std::io::{self, BufReader, Read};
 use std::path::Path;
 
 use super::locate::Located;
+pub(crate) use super::open::{open, read_all};
 use crate::{Error, Result};
-
-/// Opens a regular file for reading.
-pub(crate) fn open(path: &Path) -> Result<BufReader<File>> {
-    let missing = "Check the path and that the file may be read";
-    let file = File::open(path).map_err(|e| Error::io(path, e, missing))?;
-    let metadata = file.metadata().map_err(|e| Error::io(path, e, missing))?;
-    if !metadata.is_file() {
-        let kind = if metadata.is_dir() { "this is a folder" } else { "this is not a regular file" };
-        return Err(Error::io(path, io::Error::new(io::ErrorKind::InvalidInput, kind), "Name a file"));
-    }
-    Ok(BufReader::with_capacity(1 << 16, file))
-}
-
-/// The bytes of a regular file.
-pub(crate) fn read_all(path: &Path) -> Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    open(path)?.read_to_end(&mut bytes).map_err(|e| Error::io(path, e, "Check that the file may be read"))?;
-    Ok(bytes)
-}
 
 /// The text of a file that is UTF-8, with a byte order mark removed.
 pub(crate) fn read_text(path: &Path) -> Result<String> {

@@ -1,5 +1,6 @@
 //! What users do: combinations of the methods.
 pub mod anchors;
+#[cfg(feature = "files")]
 pub mod animate;
 pub mod attributes;
 pub mod cage;

@@ -64,6 +64,7 @@ impl MeshBuilder {
     }
 
     /// Adds to a mesh, whose numbers, triangles and joined vertices stay.
+    #[cfg(any(test, feature = "files"))]
     pub(crate) fn onto(mut mesh: Mesh) -> Self {
         let joined = mesh.representatives.clone();
         mesh.join((0..mesh.vertex_count() as u32).collect());

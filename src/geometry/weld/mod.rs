@@ -159,7 +159,7 @@ pub fn weld_alike(meshes: &mut [Mesh], rule: Weld) -> Result<()> {
     Ok(())
 }
 
-/// Joins the vertices of `mesh` that are one point of the surface ([`Mesh::join`]), by the rule of
+/// Joins the vertices of `mesh` that are one point of the surface (`Mesh::join`), by the rule of
 /// this module, and cuts triangles at T-junctions.
 ///
 /// `layers` are further positions of the same vertices, such as morph targets: vertices are joined

@@ -10,7 +10,7 @@ use glam::{DMat3, DQuat, DVec3};
 use crate::encoding::Similarity;
 use crate::error::{Error, Result};
 use crate::geometry::Mesh;
-use crate::io::anchors::{ELSEWHERE, FARTHEST, lies_off};
+use crate::geometry::off_mesh::{ELSEWHERE, FARTHEST, lies_off};
 use crate::io::markers::MarkerPlace;
 use crate::io::motion::Motion;
 

@@ -16,7 +16,7 @@ const WIDEST: f64 = 160.0;
 const BEND: f64 = 0.5;
 
 /// A base mesh of about `vertices` vertices, all of them vertices of `mesh`: half-edge collapses
-/// that turn normals least ([`simplify`]), then pairs of neighbouring triangles, those first that
+/// that turn normals least, then pairs of neighbouring triangles, those first that
 /// make the best quads. Triangles that find no partner stay. O(F log F).
 ///
 /// # Errors

@@ -26,8 +26,8 @@ pub use measure::{Distances, Turned};
 use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::forward_in_dimension as in_dimension;
+use crate::geometry::off_mesh::{ELSEWHERE, FARTHEST, lies_off};
 use crate::geometry::{ClosestPoints, Frame, Mesh, SurfacePoint, Topology};
-use crate::io::anchors::{ELSEWHERE, FARTHEST, lies_off};
 use crate::surface::correspondence::Shape;
 use crate::surface::forward::{AnyForward, Origin};
 use crate::surface::gpu::{DeviceStencils, MOST_ROWS};
@@ -158,7 +158,7 @@ impl<'a> Remesher<'a> {
     /// [`Error::Option`] for options out of range; [`Error::Mesh`] naming the face of `base`: fewer
     /// than three corners, a vertex twice, corners on different components of the surface, or no
     /// face; [`Error::Input`] for a vertex of `base` that is not finite or farther from the surface
-    /// than [`FARTHEST`], or all of them closest to one point; as [`AnyForward::new`].
+    /// than 100 times its diagonal, or all of them closest to one point; as [`AnyForward::new`].
     pub fn new(shape: Shape<'a>, base: &Mesh, options: &RemeshOptions) -> Result<Self> {
         if !(options.step > 0.0 && options.step <= 1.0) {
             let what = format!("{} is not above 0 and at most 1", options.step);

@@ -1,9 +1,9 @@
 //! The start-up test of a device: `shaders/canary.wgsl` tries what kernels rely on and what drivers
 //! are known to break.
 
-use super::capability::{CANARY_LOOP, Canary, TWO_SUM};
 use super::gpu::Gpu;
-use super::kernel::{BindingKind, GROUP, Kernel, Layout, layout};
+use super::learned::{CANARY_LOOP, Canary, TWO_SUM};
+use crate::engine::kernel::{BindingKind, GROUP, Kernel, Layout, layout};
 use crate::error::Result;
 
 /// What the canary is given; all of it comes from memory, so that nothing is worked out by the
@@ -38,9 +38,9 @@ const LAYOUTS: &[Layout] = &[
     }),
 ];
 
-pub(super) static CANARY: Kernel = Kernel {
+pub(in crate::engine) static CANARY: Kernel = Kernel {
     name: "canary",
-    source: include_str!("../../shaders/canary.wgsl"),
+    source: include_str!("../../../shaders/canary.wgsl"),
     bindings: &[BindingKind::Uniform(size_of::<CanaryParams>() as u64), BindingKind::Write],
     layouts: LAYOUTS,
     items: 1,

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use super::buffer::{BindGroup, Buffer};
 use super::gpu::{Gpu, Pipeline};
-use super::kernel::{GROUP, Kernel, Span};
+use crate::engine::kernel::{GROUP, Kernel, Span};
 use crate::error::{Error, Result};
 
 /// Time one slice is planned to take. Desktop drivers end work that takes about two seconds, and

@@ -5,9 +5,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 
-use super::capability::Capabilities;
-use super::kernel::{BindingKind, GROUP, Kernel, Span};
-use super::traffic::{Counters, Traffic};
+use super::counters::Counters;
+use crate::engine::Capabilities;
+use crate::engine::kernel::{BindingKind, GROUP, Kernel, Span};
+use crate::engine::traffic::Traffic;
 use crate::error::{Error, Result};
 
 /// A kernel's name and text, and the bits of its override constants.

@@ -6,7 +6,7 @@
 //! (formats of floats may flush or canonicalise them). Textures rather than storage buffers,
 //! because they may exceed the 128 MiB that a storage binding holds, and because software devices
 //! read scattered texels several times faster from them (see [`Table`](super::Table)). Kernels bind
-//! it as [`BindingKind::Table`](super::BindingKind::Table).
+//! it as [`BindingKind::Table`](crate::engine::BindingKind::Table).
 
 use bytemuck::Pod;
 
@@ -35,7 +35,7 @@ pub struct Pyramid {
 }
 
 impl Pyramid {
-    /// To bind it as [`BindingKind::Table`](super::BindingKind::Table).
+    /// To bind it as [`BindingKind::Table`](crate::engine::BindingKind::Table).
     pub fn bind(&self) -> Binding<'_> {
         Binding(wgpu::BindingResource::TextureView(&self.view))
     }

@@ -6,7 +6,7 @@ use std::ops::Range;
 use bytemuck::Pod;
 
 use super::gpu::{Gpu, Pipeline, Share};
-use super::kernel::{BindingKind, Span, UNIFORM_BLOCK};
+use crate::engine::kernel::{BindingKind, Span, UNIFORM_BLOCK};
 use crate::error::{Error, Result};
 
 /// Smallest allocation: nothing of size zero can be bound.
@@ -41,7 +41,7 @@ impl<T: Pod> Buffer<T> {
     ///
     /// # Errors
     /// [`Error::Device`] if the range leaves the buffer.
-    pub(super) fn bytes(&self, range: &Range<usize>) -> Result<Range<u64>> {
+    pub(in crate::engine) fn bytes(&self, range: &Range<usize>) -> Result<Range<u64>> {
         if range.start > range.end || range.end > self.len {
             return Err(Error::Device {
                 what: format!("elements {}..{} of a buffer of {}", range.start, range.end, self.len),

@@ -13,7 +13,7 @@ use super::gpu::{Gpu, Share};
 use crate::error::{Error, Result};
 
 /// Texels of a row; what every device has.
-pub(super) const WIDTH: u32 = 2048;
+pub(in crate::engine) const WIDTH: u32 = 2048;
 
 /// Bytes of a texel.
 const TEXEL: usize = 16;
@@ -26,7 +26,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// To bind it as [`BindingKind::Table`](super::BindingKind::Table).
+    /// To bind it as [`BindingKind::Table`](crate::engine::BindingKind::Table).
     pub fn bind(&self) -> Binding<'_> {
         Binding(wgpu::BindingResource::TextureView(&self.view))
     }
