@@ -65,8 +65,11 @@
 //! - [`mod@desk`], shapes from files with their embeddings, pairs found on them, the choice of a method
 //! - [`mod@conformance`], every kernel on a device beside its reference
 //! - [`mod@io`], files
+//! - [`mod@cli`], the command line
 //! - [`mod@models`], built-in shapes and characters with known correspondence
 
+#[cfg(feature = "cli")]
+pub mod cli;
 #[cfg(feature = "gpu")]
 pub mod conformance;
 #[cfg(feature = "files")]

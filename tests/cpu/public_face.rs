@@ -114,6 +114,7 @@ fn few_public_items_are_without_a_user() {
     let mut items = BTreeSet::new();
     collect(&root.join("src/lib.rs"), &root.join("src"), &mut items);
     let mut words = BTreeSet::new();
+    words_of(&root.join("src/cli"), &mut words);
     words_of(&root.join("src/bin"), &mut words);
     words_of(&root.join("examples"), &mut words);
     add_words(&root.join("src/lib.rs"), &mut words);

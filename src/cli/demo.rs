@@ -1,0 +1,141 @@
+//! `barymap demo`: the main job on built-in characters.
+
+use std::path::PathBuf;
+
+use image::RgbaImage;
+use serde_json::json;
+
+use crate::cli::common::{Common, EmbeddingArguments, SamplingName, Session};
+use crate::cli::method::MethodArguments;
+use crate::cli::transfer::{FillName, FilterName, Job, Look, summary};
+use crate::desk::Textures;
+use crate::geometry::{Material, SurfacePoint};
+use crate::io::TextureName;
+use crate::models::character_pair;
+use crate::raster::{Image, Pixels};
+use crate::surface::quality::summarise;
+use crate::surface::{AnchorPairs, EmbeddingOptions};
+use crate::tools::render::{Coloring, RenderOptions, render, side_by_side};
+use crate::tools::transfer::Pyramids;
+use crate::{Error, Result};
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct Arguments {
+    /// Folder for the results
+    #[arg(long, default_value = "out")]
+    out: PathBuf,
+    /// Number of anchor pairs
+    #[arg(long, default_value_t = 93)]
+    anchors: usize,
+    #[command(flatten)]
+    method: MethodArguments,
+    /// Side of the texture
+    #[arg(long, default_value_t = 2048)]
+    size: u32,
+}
+
+pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
+    std::fs::create_dir_all(&arguments.out)
+        .map_err(|e| Error::io(&arguments.out, e, "Choose a folder that can be written with --out"))?;
+    let path = |name: &str| arguments.out.join(name);
+    let mut session = Session::start(common)?;
+    let pair = character_pair();
+    let texture = pair.source.texture(arguments.size.clamp(256, 2048));
+    let (source_points, target_points) = pair.anchors(arguments.anchors);
+    let anchors = AnchorPairs { source: source_points, target: target_points };
+    let (mut source, mut target) =
+        (session.surface(pair.source.mesh.clone())?, session.surface(pair.target.mesh.clone())?);
+    anchors.check((&source.mesh, &source.topology), (&target.mesh, &target.topology))?;
+    session.watch.lap("models");
+    let texture_file = path("texture.png");
+    let outputs = [TextureName::new(texture_file.display().to_string())];
+    let layers = [Textures::single(from_rgba(&texture)?)];
+    let job = Job {
+        layers: &layers,
+        pyramids: &Pyramids::new(&session.engine),
+        anchors: &anchors,
+        method: arguments.method,
+        embedding: &EmbeddingArguments {
+            landmarks: EmbeddingOptions::default().landmarks,
+            sampling: SamplingName::Decimation,
+            dimension: 8,
+        },
+        look: &Look {
+            size: (arguments.size, arguments.size),
+            margin: 16,
+            coverage: Some(path("coverage.png").display().to_string()),
+            fill: FillName::None,
+            fill_doubtful: false,
+            stmap: None,
+            model: Some(path("model.glb")),
+            linear_light: false,
+            filter: FilterName::Anisotropic,
+            supersample: 1,
+        },
+        outputs: &outputs,
+    };
+    let (result, vertices, mut report) = job.run(&mut session, "demo", &mut source, &mut target)?;
+
+    let unit = source.mesh.area().sqrt();
+    let errors: Vec<f64> = pair
+        .truth
+        .iter()
+        .zip(&vertices.positions)
+        .filter_map(|(truth, image)| image.map(|p| p.distance(truth.position(&source.mesh)) / unit))
+        .collect();
+    let e = summarise(&errors);
+    report["error"] = json!({"mean": e.mean, "median": e.median, "p95": e.p95, "max": e.max});
+
+    let view = RenderOptions { width: 900, height: 1100, ..RenderOptions::default() };
+    let transferred = to_rgba(&result.layers[0])?;
+    let before = render(&source.mesh, Coloring::Texture(&texture), &anchors.source, &view)?;
+    let after = render(&target.mesh, Coloring::Texture(&transferred), &[] as &[SurfacePoint], &view)?;
+    let picture = side_by_side(&[before, after], 20, [255; 4])?;
+    crate::io::write_image(&from_rgba(&picture)?, path("demo.png"))?;
+    crate::io::write_image(&from_rgba(&texture)?, path("source_texture.png"))?;
+    // The same as files, so that the commands of the documentation have something to work on.
+    let mut painted = source.mesh.clone();
+    painted.set_material(Material {
+        name: "skin".into(),
+        base_color_texture: Some(path("source_texture.png")),
+        ..Material::default()
+    });
+    crate::io::write_obj(&painted, path("source.obj"))?;
+    crate::io::write_obj(&target.mesh, path("target.obj"))?;
+    crate::io::anchors::write_pairs(
+        path("pairs.json"),
+        (&source.mesh, &anchors.source),
+        (&target.mesh, &anchors.target),
+        &[],
+    )?;
+    crate::io::report::write_report(path("report.json"), &report)?;
+    session.write_report(&report)?;
+    summary(&session, &texture_file, &result, &report);
+    session.say(&format!(
+        "true error over the square root of the area: mean {:.4}, median {:.4}, 95 % {:.4}, largest {:.3}",
+        e.mean, e.median, e.p95, e.max
+    ));
+    session.say(&format!("look at {} and {}", path("demo.png").display(), path("model.glb").display()));
+    session.say(&format!(
+        "its input, for your own first tries: {}, {} and {}",
+        path("source.obj").display(),
+        path("target.obj").display(),
+        path("pairs.json").display()
+    ));
+    Ok(())
+}
+
+/// An 8-bit RGBA picture of the image crate as one of ours.
+pub(crate) fn from_rgba(image: &RgbaImage) -> Result<Image> {
+    Image::new(image.width(), image.height(), 4, Pixels::U8(image.as_raw().clone()))
+}
+
+/// A picture as 8-bit RGBA.
+pub(crate) fn to_rgba(image: &Image) -> Result<RgbaImage> {
+    let converted = image.converted(4, crate::raster::Depth::U8)?;
+    let Pixels::U8(samples) = converted.pixels else {
+        return Err(Error::input("the picture is not 8-bit", "Report this as a fault"));
+    };
+    RgbaImage::from_raw(image.width, image.height, samples)
+        .ok_or_else(|| Error::input("the picture has too few samples", "Report this as a fault"))
+}

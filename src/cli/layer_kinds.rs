@@ -1,0 +1,106 @@
+//! What the layers of a transfer mean, as the command line says it.
+
+use clap::ValueEnum;
+
+use crate::Result;
+use crate::cli::common::usage;
+use crate::desk::Textures;
+use crate::tools::transfer::{LayerKind, NormalY, Relief};
+
+/// Meanings of the layers.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub(crate) struct LayerKinds {
+    /// What a layer holds, once per layer in their order; layers without are what their role says
+    /// (normal, label, displacement), else colour
+    #[arg(long, value_enum)]
+    kind: Vec<KindName>,
+    /// Where the green channel of tangent-space normal maps points: up in the picture (OpenGL,
+    /// glTF) or down (DirectX)
+    #[arg(long, value_enum, default_value = "up")]
+    normal_y: NormalYName,
+    /// What becomes of the relief of normal and displacement maps where the surface is stretched
+    #[arg(long, value_enum, default_value = "turned")]
+    relief: ReliefName,
+}
+
+/// Names of the kinds.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum KindName {
+    /// Averaged
+    Color,
+    /// Nearest texel, never mixed
+    Labels,
+    /// Tangent-space normals
+    Normal,
+    /// Object-space normals
+    NormalObject,
+    /// Heights
+    Displacement,
+}
+
+/// Names of the green directions.
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+enum NormalYName {
+    #[default]
+    Up,
+    Down,
+}
+
+/// Names of what becomes of relief.
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+enum ReliefName {
+    /// Normals are turned and shade as before; heights keep their values
+    #[default]
+    Turned,
+    /// Heights grow with the surface around them
+    Local,
+    /// Heights grow with the mesh as a whole
+    Mesh,
+}
+
+impl LayerKinds {
+    /// Gives layers their kinds.
+    pub(crate) fn set(&self, layers: &mut [Textures]) -> Result<()> {
+        let roles: Vec<&str> = layers.iter().map(|l| l.role.as_str()).collect();
+        let kinds = self.of(&roles)?;
+        layers.iter_mut().zip(kinds).for_each(|(layer, kind)| layer.kind = kind);
+        Ok(())
+    }
+
+    /// The kinds of layers with these roles.
+    fn of(&self, roles: &[&str]) -> Result<Vec<LayerKind>> {
+        let count = roles.len();
+        if self.kind.len() > count {
+            return Err(usage(
+                "--kind",
+                &format!("{} kinds for {count} layers", self.kind.len()),
+                "Give one for each layer, in their order",
+            ));
+        }
+        let y = match self.normal_y {
+            NormalYName::Up => NormalY::Up,
+            NormalYName::Down => NormalY::Down,
+        };
+        let relief = match self.relief {
+            ReliefName::Turned => Relief::Turned,
+            ReliefName::Local => Relief::Local,
+            ReliefName::Mesh => Relief::Mesh,
+        };
+        let kind = |name: &KindName| match name {
+            KindName::Color => LayerKind::Color,
+            KindName::Labels => LayerKind::Labels,
+            KindName::Normal => LayerKind::TangentNormal { y, relief },
+            KindName::NormalObject => LayerKind::ObjectNormal { relief },
+            KindName::Displacement => LayerKind::Displacement { relief },
+        };
+        let by_role = |role: &&str| match *role {
+            "normal" => KindName::Normal,
+            "label" => KindName::Labels,
+            "displacement" => KindName::Displacement,
+            _ => KindName::Color,
+        };
+        let named = self.kind.iter().copied();
+        let rest = roles.iter().skip(self.kind.len()).map(by_role);
+        Ok(named.chain(rest).map(|name| kind(&name)).collect())
+    }
+}

@@ -1,0 +1,103 @@
+//! The correspondence as the command line asks for it.
+
+use clap::ValueEnum;
+
+use crate::Result;
+use crate::cli::common::{EmbeddingArguments, Session, Surface};
+use crate::desk::{Choice, correspond};
+use crate::surface::correspondence::Method;
+use crate::surface::{AnchorPairs, PointMap};
+
+/// Names of the methods.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum MethodName {
+    /// The paper: inverse problem on the target, forward problem on the source
+    Averages,
+    /// The paper with the residual carried over
+    Transport,
+    /// An image for every vertex, predicted in the embedding and in space, relaxed onto the source
+    Field,
+    /// Spatial radial basis functions, then the closest point
+    Rbf,
+    /// Alignment by the anchors, then the closest point
+    Closest,
+}
+
+/// How points are carried.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub(crate) struct MethodArguments {
+    /// How points are carried
+    #[arg(long, value_enum, default_value = "field")]
+    method: MethodName,
+    /// Whether images are drawn onto the source by a smooth relaxation: yes for `field`, no for
+    /// `rbf` unless asked for
+    #[arg(long, value_name = "yes|no", num_args = 0..=1, default_missing_value = "yes", value_parser = yes_or_no)]
+    relax: Option<bool>,
+    /// Embed the target once more, from where its landmarks are on the source, and keep that if
+    /// anchors left out say it is better; with `field`, from five anchors on
+    #[arg(long)]
+    align: bool,
+}
+
+fn yes_or_no(text: &str) -> std::result::Result<bool, String> {
+    match text {
+        "yes" => Ok(true),
+        "no" => Ok(false),
+        other => Err(format!("'{other}' is neither yes nor no")),
+    }
+}
+
+impl MethodArguments {
+    fn choice(self) -> Choice {
+        let method = match self.method {
+            MethodName::Averages => Method::Averages,
+            MethodName::Transport => Method::Transport,
+            MethodName::Field => Method::Field,
+            MethodName::Rbf => Method::Rbf,
+            MethodName::Closest => Method::Closest,
+        };
+        Choice { method, relax: self.relax, align: self.align }
+    }
+
+    /// The method for a source that is no surface.
+    pub(crate) fn for_points(self) -> Self {
+        let Choice { method, relax, align } = self.choice().for_points();
+        let method = if method == Method::Closest { MethodName::Closest } else { MethodName::Rbf };
+        Self { method, relax, align }
+    }
+
+    /// The name in reports and messages.
+    pub(crate) fn name(self) -> &'static str {
+        self.choice().name()
+    }
+}
+
+/// Embeds both surfaces where the method needs it, and prepares the map.
+pub(crate) fn prepare(
+    session: &mut Session<'_>,
+    source: &mut Surface,
+    target: &mut Surface,
+    anchors: &AnchorPairs,
+    method: MethodArguments,
+    embedding: &EmbeddingArguments,
+) -> Result<Box<dyn PointMap + Send>> {
+    let (choice, options) = (method.choice(), embedding.options());
+    if choice.options()?.method.needs_embedding() {
+        session.embed(source, &options)?;
+        session.embed(target, &options)?;
+    }
+    let made = correspond(&session.engine, source, target, anchors, &choice, &options, session.progress())?;
+    session.bars.finish();
+    session.warn_all(&made.notes);
+    session.alignment = made.alignment.map(|r| {
+        let done = if r.kept { "the target is embedded anew" } else { "the embeddings stay as they are" };
+        session.say(&format!(
+            "alignment: anchors left out are missed by {:.5} of the square root of the area, {:.5} before; {done}",
+            r.after, r.before
+        ));
+        serde_json::json!(r)
+    });
+    session.field = made.map.field().map(|f| serde_json::json!(f));
+    session.watch.lap("correspondence");
+    Ok(made.map)
+}

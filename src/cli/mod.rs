@@ -1,0 +1,188 @@
+//! The command line of barymap, which the program and wheels start.
+
+mod anchors;
+mod animate;
+mod attributes;
+mod batch;
+mod batch_record;
+mod cage;
+mod cage_map;
+mod check;
+mod common;
+mod decal;
+mod deform;
+mod demo;
+mod devices;
+mod embed;
+mod interrupt;
+mod layer_kinds;
+mod map;
+mod method;
+mod model_file;
+mod morph;
+mod pictures;
+mod progress_bar;
+mod remesh;
+mod render;
+mod rig;
+mod shard;
+mod shell;
+mod spline;
+mod transfer;
+mod unwrap;
+mod warp;
+mod warp_points;
+mod weights;
+
+use std::ffi::OsString;
+use std::io::Write;
+use std::process::ExitCode;
+
+use clap::{CommandFactory, Parser, Subcommand};
+
+use crate::{Error, Result};
+use common::Common;
+
+/// Maps one shape onto another from a handful of control points.
+#[derive(Debug, Parser)]
+#[command(version, about, propagate_version = true)]
+struct Cli {
+    #[command(flatten)]
+    common: Common,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// The main job on built-in models; no input needed
+    Demo(demo::Arguments),
+    /// Adapters, limits, canaries, and which one `auto` takes; `--check` runs every kernel
+    Devices(devices::Arguments),
+    /// The embedding of a mesh, as an array
+    Embed(embed::Arguments),
+    /// The forward problem: averages of anchors with given weights
+    Average(weights::ForwardArguments),
+    /// The inverse problem: weights of points with respect to anchors
+    Weights(weights::InverseArguments),
+    /// What the anchors of a mesh cover, and where one is missing
+    Check(check::Arguments),
+    /// Anchors proposed from a few pairs or none, wrong ones named, the next ones suggested
+    Anchors(anchors::Arguments),
+    /// Where the points of one mesh lie on another
+    Map(map::Arguments),
+    /// Transfers a texture from one mesh to a different one
+    Transfer(transfer::Arguments),
+    /// Carries data of vertices from one mesh to a different one: skin weights, colours, scalars,
+    /// labels, vectors
+    Attributes(attributes::Arguments),
+    /// Transfers the texture of one mesh to many others
+    Batch(batch::Arguments),
+    /// Lays a picture onto a part of a surface by four anchors or more
+    Decal(decal::Arguments),
+    /// Makes texture coordinates for a mesh: charts without overlaps, flattened and packed
+    Unwrap(unwrap::Arguments),
+    /// Warps a picture by a cage, without folds
+    Warp(warp::Arguments),
+    /// Warps points and outlines by a cage, either way
+    WarpPoints(warp_points::Arguments),
+    /// Deforms a model by a closed cage around it, without folds as far as is sampled
+    Cage(cage::Arguments),
+    /// Poses a mesh by a few of its vertices and keeps its shape
+    Deform(deform::Arguments),
+    /// In-betweens and blends of meshes, of the same connectivity or by pairs of anchors
+    Morph(morph::Arguments),
+    /// Sets a mesh in motion by markers or joints
+    Animate(animate::Arguments),
+    /// A fine quad mesh on a mesh, from a coarse one
+    Remesh(remesh::Arguments),
+    /// B-splines and Bezier curves on a mesh
+    Spline(spline::Arguments),
+    /// A shaded picture of a mesh, to look at results
+    Render(render::Arguments),
+    /// Completions of options for a shell, on stdout
+    Completions(shell::CompletionArguments),
+    /// Manual pages of all commands
+    Man(shell::ManualArguments),
+}
+
+fn command(cli: &Cli) -> Result<()> {
+    let common = &cli.common;
+    match &cli.command {
+        Command::Demo(a) => demo::run(common, a),
+        Command::Devices(a) => devices::run(common, a),
+        Command::Embed(a) => embed::run(common, a),
+        Command::Average(a) => weights::forward(common, a),
+        Command::Weights(a) => weights::inverse(common, a),
+        Command::Check(a) => check::run(common, a),
+        Command::Anchors(a) => anchors::run(common, a),
+        Command::Map(a) => map::run(common, a),
+        Command::Transfer(a) => transfer::run(common, a),
+        Command::Attributes(a) => attributes::run(common, a),
+        Command::Batch(a) => batch::run(common, a),
+        Command::Decal(a) => decal::run(common, a),
+        Command::Unwrap(a) => unwrap::run(common, a),
+        Command::Warp(a) => warp::run(common, a),
+        Command::WarpPoints(a) => warp_points::run(common, a),
+        Command::Cage(a) => cage::run(common, a),
+        Command::Deform(a) => deform::run(common, a),
+        Command::Morph(a) => morph::run(common, a),
+        Command::Animate(a) => animate::run(common, a),
+        Command::Remesh(a) => remesh::run(common, a),
+        Command::Spline(a) => spline::run(common, a),
+        Command::Render(a) => render::run(common, a),
+        Command::Completions(a) => shell::completions(a),
+        Command::Man(a) => shell::manual(a),
+    }
+}
+
+/// The exit code: 2 for wrong use of the command line, 3 where nothing usable was written, 4 where
+/// some of several results failed and all others are done, 1 for a fault in the data, a file or the
+/// machine. A signal n ends the program with 128 + n ([`interrupt`]).
+fn code(error: &Error) -> u8 {
+    match error {
+        Error::Option { .. } => 2,
+        Error::Unusable { .. } => 3,
+        Error::Incomplete { .. } => 4,
+        _ => 1,
+    }
+}
+
+/// The library names fields of its options (`linear_light`); here they are options of the command
+/// line (`--linear-light`), where it has them.
+fn as_option(error: Error) -> Error {
+    let Error::Option { option, what, remedy } = error else { return error };
+    let name = option.replace('_', "-");
+    let command = Cli::command();
+    let has = |c: &clap::Command| c.get_arguments().any(|a| a.get_long() == Some(name.as_str()));
+    let known = has(&command) || command.get_subcommands().any(has);
+    Error::Option { option: if known { format!("--{name}") } else { option }, what, remedy }
+}
+
+/// Runs the command line `arguments`, the first of which is the name of the program, as its `main`
+/// would: results go to files and stdout, notes and errors to stderr. Signals that end a program are
+/// handled from then on in the whole process, so that nothing half written stays.
+///
+/// The exit code is 0 for success and for help, 2 for wrong use, 3 where nothing usable was written,
+/// 4 where some of several results failed, 1 for other faults.
+pub fn run<T: Into<OsString> + Clone>(arguments: impl IntoIterator<Item = T>) -> ExitCode {
+    if let Err(error) = interrupt::handle_signals() {
+        common::note(&format!("interrupts are not handled: {error}"));
+    }
+    let cli = match Cli::try_parse_from(arguments) {
+        Ok(cli) => cli,
+        Err(error) => {
+            // As common::note: a closed stream changes nothing.
+            let _ = error.print();
+            return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2));
+        }
+    };
+    match command(&cli) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            let error = as_option(error);
+            let _ = writeln!(std::io::stderr(), "barymap: {error}");
+            ExitCode::from(code(&error))
+        }
+    }
+}
