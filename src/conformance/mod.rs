@@ -15,7 +15,9 @@ mod surface;
 mod textures;
 mod warp;
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
+
+use web_time::Instant;
 
 use crate::engine::{Engine, Gpu, Kernel, reflect};
 use crate::error::Result;

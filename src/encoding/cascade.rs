@@ -1,7 +1,7 @@
 //! Decoding by the hierarchy (section 3.2): splits and, stage by stage from coarse to fine,
 //! minimisation of G.
 
-use std::time::Instant;
+use web_time::Instant;
 
 use super::decode::split_level;
 use super::gpu::DeviceStages;

@@ -7,7 +7,8 @@
 
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
-use std::time::Instant;
+
+use web_time::Instant;
 
 use super::blend::Mix;
 use super::cascade::{DecodeReport, LevelReport};

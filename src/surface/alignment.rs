@@ -7,9 +7,8 @@
 //! rest where it agrees. More sweeps lead back to where the embedding was, since it is a minimum
 //! that does not depend on the start. Whether that makes the map better is asked of the anchors.
 
-use std::time::Instant;
-
 use serde::Serialize;
+use web_time::Instant;
 
 use super::anchors::{AnchorPairs, vertex_point};
 use super::correspondence::{CorrespondenceOptions, Method, Shape, correspondence};

@@ -1,6 +1,6 @@
 //! Wall and processor time by stage, where it ran, and what crossed to a device and back.
 
-use std::time::Instant;
+use web_time::Instant;
 
 use crate::engine::{Engine, Gpu, Traffic};
 

@@ -70,8 +70,12 @@ fn candidates() -> Vec<wgpu::Adapter> {
     found
 }
 
-/// The adapters of this machine, best first. Empty where no driver is installed.
+/// The adapters of this machine, best first. Empty where no driver is installed, and in a browser,
+/// where they cannot be waited for.
 pub(in crate::engine) fn list() -> Vec<AdapterSummary> {
+    if cfg!(target_arch = "wasm32") {
+        return Vec::new();
+    }
     let taken = |i: usize, info: &wgpu::AdapterInfo| i == 0 && !is_software(info);
     candidates()
         .iter()

@@ -2,7 +2,9 @@
 
 use std::sync::PoisonError;
 use std::sync::atomic::Ordering;
-use std::time::{Duration, Instant};
+use std::time::Duration;
+
+use web_time::Instant;
 
 use super::buffer::{BindGroup, Buffer};
 use super::gpu::{Gpu, Pipeline};

@@ -8,18 +8,32 @@ use super::gpu::Gpu;
 use crate::engine::{Backend, Capabilities, Description, DeviceLimits, Engine, EngineOptions};
 use crate::error::{Error, Result};
 
+/// Fails where a thread cannot wait for a device, as in a browser: waiting there would end the
+/// program.
+fn must_wait() -> Result<()> {
+    if cfg!(not(target_arch = "wasm32")) {
+        return Ok(());
+    }
+    Err(Error::NoAdapter {
+        what: "a thread of a browser cannot wait for a device".into(),
+        remedy: "Use the CPU back end".into(),
+    })
+}
+
 impl Engine {
     /// An engine on a device the caller made and keeps. Its limits are what the device was created
     /// with; its callbacks for loss and stray errors stay the caller's.
     ///
     /// # Errors
-    /// [`Error::Device`] if the device fails the start-up tests.
+    /// [`Error::Device`] if the device fails the start-up tests; [`Error::NoAdapter`] in a browser.
     pub fn from_device(info: &wgpu::AdapterInfo, device: wgpu::Device, queue: wgpu::Queue) -> Result<Self> {
+        must_wait()?;
         Self::with_device(info, device, queue, &EngineOptions::default(), false)
     }
 
     /// On the adapter that is named, or else the best; software counts where it is wanted.
     pub(in crate::engine) fn on_adapter(options: &EngineOptions, software: bool) -> Result<Self> {
+        must_wait()?;
         let wanted = if software { Wanted::Any } else { Wanted::Hardware };
         let named = options.adapter.clone().or_else(|| std::env::var("WGPU_ADAPTER_NAME").ok());
         let adapter = adapters::choose(named.as_deref().map_or(wanted, Wanted::Named))?;

@@ -1,9 +1,9 @@
 //! Choosing landmarks and measuring the geodesic distances between them.
 
 use std::collections::HashMap;
-use std::time::Instant;
 
 use glam::DVec3;
+use web_time::Instant;
 
 use super::parts::Part;
 use super::{EmbeddingOptions, Sampling, Seconds};

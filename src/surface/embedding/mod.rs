@@ -13,7 +13,7 @@ mod parts;
 mod rescaling;
 mod scaling;
 
-use std::time::Instant;
+use web_time::Instant;
 
 pub use cache::{ALGORITHM_VERSION, cache_key};
 pub use rescaling::Rescaling;

@@ -3,9 +3,9 @@
 use std::fmt::Debug;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
-use std::time::Instant;
 
 use rayon::prelude::*;
+use web_time::Instant;
 
 use super::judge_image::JUDGE_IMAGE;
 use super::project_phong::{PROJECT_PHONG, Projected, SEARCH_PHONG};
