@@ -107,6 +107,9 @@ pub enum Error {
         /// What the user can do.
         remedy: String,
     },
+    /// The work was cancelled by its [`Control`](crate::control::Control).
+    #[error("the work was cancelled")]
+    Cancelled,
     /// The input was read, and no result comes of it that would be worth writing.
     #[error("{what}. {remedy}")]
     Unusable {

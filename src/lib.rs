@@ -64,6 +64,7 @@
 //! - [`mod@engine`], adapters and kernels
 //! - [`mod@desk`], shapes from files with their embeddings, pairs found on them, the choice of a method
 //! - [`mod@conformance`], every kernel on a device beside its reference
+//! - [`mod@control`], work that is ended before its end
 //! - [`mod@io`], files
 //! - [`mod@cli`], the command line
 //! - [`mod@models`], built-in shapes and characters with known correspondence
@@ -72,6 +73,7 @@
 pub mod cli;
 #[cfg(feature = "gpu")]
 pub mod conformance;
+pub mod control;
 #[cfg(feature = "files")]
 pub mod desk;
 pub mod encoding;

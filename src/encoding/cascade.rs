@@ -10,6 +10,7 @@ use super::solver::{Method, Solved, StageSolver, Stop};
 use super::springs::{Springs, slot_lengths};
 use super::sweeps::gauss_seidel;
 use super::{Hierarchy, V3};
+use crate::control;
 use crate::engine::Engine;
 use crate::error::{Error, Result};
 
@@ -196,6 +197,7 @@ impl Decoder {
         // Stages before this one have their splits.
         let mut placed = 0;
         for (k, stage) in h.stages.iter().enumerate() {
+            control::check()?;
             let clock = Instant::now();
             let free = stage.vertices - h.held;
             let method = method(free, quality);

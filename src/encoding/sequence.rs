@@ -17,6 +17,7 @@ use super::hierarchy::Stage;
 use super::solver::{Method, StageSolver, Stop};
 use super::track::Tracker;
 use super::{Decoder, Hierarchy, V3};
+use crate::control;
 use crate::error::{Error, Result};
 
 /// How far the frames of a sequence are minimised.
@@ -102,12 +103,17 @@ impl Decoder {
         let mut blocks = frames.chunks(BLOCK).enumerate();
         let mut waiting: Option<(usize, &[Frame<'_>], Vec<Found>)> = None;
         let mut before: Option<Played> = None;
+        let here = control::current();
         loop {
             // While one block is finished, the next one is followed.
-            let finish = || waiting.take().map(|(k, block, found)| (k, self.finish(tracked, block, found, quality)));
+            let finish = || {
+                let (k, block, found) = waiting.take()?;
+                Some((k, here.within(|| self.finish(tracked, block, found, quality))))
+            };
             let follow = || {
                 let (k, block) = blocks.next()?;
                 let one = |(i, frame)| {
+                    here.check()?;
                     let f = k * BLOCK + i;
                     let found = coarse.follow(frame, |v, p| start(f, v, p))?;
                     if f >= wanted.start {
@@ -148,7 +154,9 @@ impl Decoder {
         quality: &SequenceQuality,
     ) -> Result<Vec<Option<Played>>> {
         let h = self.hierarchy();
+        let here = control::current();
         let one = |solver: &mut StageSolver, (frame, found): (&Frame<'_>, Found)| {
+            here.check()?;
             let Found::Moved { mut positions, value, anew } = found else { return Ok(None) };
             positions.resize(h.order.len(), [0.0; 3]);
             for (k, stage) in h.stages.iter().enumerate().skip(tracked + 1) {

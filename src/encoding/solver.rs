@@ -7,6 +7,7 @@ use super::gradients::{Gradients, apply_transpose};
 use super::springs::{Springs, add_gradient};
 use super::vector::add_scaled;
 use super::{Encoding, Stencils, V3};
+use crate::control;
 use crate::error::Result;
 
 /// How the linear systems are solved.
@@ -84,6 +85,7 @@ impl StageSolver {
         let mut trial = positions.to_vec();
         let mut damping = 0.0;
         while solved.iterations < stop.iterations && g > noise {
+            control::check()?;
             let at = Linearisation::new(stencils, encoding, positions);
             let blocks = blocks(stencils, encoding, &at, positions);
             apply_transpose(stencils, &blocks, &residual, held, &mut gradient);

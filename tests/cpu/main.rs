@@ -6,6 +6,7 @@ mod anchors;
 mod bad_arguments;
 #[path = "../common/mod.rs"]
 mod common;
+mod control;
 mod embedding;
 mod encoding;
 mod field;

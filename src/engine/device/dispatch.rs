@@ -8,12 +8,16 @@ use web_time::Instant;
 
 use super::buffer::{BindGroup, Buffer};
 use super::gpu::{Gpu, Pipeline};
+use crate::control;
 use crate::engine::kernel::{GROUP, Kernel, Span};
 use crate::error::{Error, Result};
 
 /// Time one slice is planned to take. Desktop drivers end work that takes about two seconds, and
 /// the machine should stay usable meanwhile.
 const SLICE: Duration = Duration::from_millis(150);
+
+/// A wait looks this often whether work was cancelled.
+const WAIT_PART: Duration = Duration::from_millis(50);
 
 /// Items of the first slice of a kernel whose pace is not known.
 const PROBE: u32 = 4096;
@@ -68,15 +72,24 @@ impl Gpu {
     pub fn wait(&self, submission: &Submission) -> Result<()> {
         self.check()?;
         self.counters.wait();
-        let wait = wgpu::PollType::Wait { submission_index: Some(submission.0.clone()), timeout: Some(self.timeout) };
-        match self.device.poll(wait) {
-            Ok(_) => self.check(),
-            Err(e) => {
-                self.check()?;
-                Err(Error::Device {
-                    what: format!("no answer after {:.0} s ({e})", self.timeout.as_secs_f64()),
-                    remedy: "The driver hangs or the machine is overloaded: try again or use --backend cpu".into(),
-                })
+        let begun = Instant::now();
+        loop {
+            // In parts, so that work can be cancelled in between.
+            let rest = self.timeout.saturating_sub(begun.elapsed());
+            let part = wgpu::PollType::Wait {
+                submission_index: Some(submission.0.clone()),
+                timeout: Some(rest.min(WAIT_PART)),
+            };
+            match self.device.poll(part) {
+                Ok(_) => return self.check(),
+                Err(wgpu::PollError::Timeout) if rest > WAIT_PART => control::check()?,
+                Err(e) => {
+                    self.check()?;
+                    return Err(Error::Device {
+                        what: format!("no answer after {:.0} s ({e})", self.timeout.as_secs_f64()),
+                        remedy: "The driver hangs or the machine is overloaded: try again or use --backend cpu".into(),
+                    });
+                }
             }
         }
     }

@@ -10,6 +10,7 @@ use glam::DVec3;
 
 use super::jacobian_min::{Minimum, RESOLUTION, Samples, jacobian_min_3d};
 use super::{Cage, Frame, Step, VertexPath, map_points_3d, self_intersections};
+use crate::control;
 use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::mapping::knots::continuous_knots;
@@ -133,6 +134,7 @@ pub fn partition(
     let mut left: Vec<(f64, f64)> = start.windows(2).rev().map(|w| (w[0], w[1])).collect();
     let mut steps = Vec::new();
     while let Some((a, b)) = left.pop() {
+        control::check()?;
         let c = (a + b) / 2.0;
         let finer = b - a > options.eps && steps.len() + left.len() < most && a < c && c < b;
         let (step, mut minimum) = walk.minimum(a, b)?;

@@ -5,12 +5,16 @@ use glam::DVec3;
 use nalgebra::{DMatrix, Matrix3};
 use rayon::prelude::*;
 
+use crate::control;
 use crate::error::{Error, Result};
 use crate::geometry::{ClosestPoints, Frame, Mesh};
 use crate::surface::anchors::AnchorPairs;
 use crate::surface::packed::{PackedImage, PackedPoint, PointMap, Status};
 
 use super::{Method, Shape, check_faces};
+
+/// Points of one task.
+const CHUNK: usize = 512;
 
 /// Part of the widest direction of some anchors below which they do not span a direction: more than
 /// the rounding of coordinates 1e7 sizes from the origin.
@@ -86,9 +90,13 @@ impl Baseline {
 impl PointMap for Baseline {
     fn map(&self, points: &[PackedPoint], images: &mut Vec<PackedImage>) -> Result<()> {
         check_faces(points, self.target.triangle_count())?;
+        let here = control::current();
         images.clear();
-        points.par_iter().map(|&p| self.map_point(p)).collect_into_vec(images);
-        Ok(())
+        images.resize(points.len(), PackedImage::NOWHERE);
+        images.par_chunks_mut(CHUNK).zip(points.par_chunks(CHUNK)).try_for_each(|(out, points)| {
+            points.iter().zip(out).for_each(|(p, image)| *image = self.map_point(*p));
+            here.check()
+        })
     }
 }
 

@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use crate::control;
 use crate::engine::{LaneScalar, Lanes, Real};
 use crate::error::{Error, Result};
 use crate::geometry::{NONE, SurfacePoint};
@@ -377,10 +378,13 @@ impl<S: LaneScalar, const D: usize> PointMap for WeightedAverages<S, D> {
         check_faces(points, self.target.triangles.len())?;
         images.clear();
         images.resize(points.len(), PackedImage::NOWHERE);
-        images
-            .par_chunks_mut(CHUNK)
-            .zip(points.par_chunks(CHUNK))
-            .for_each_init(AveragedChunk::new, |chunk, (out, points)| self.map_chunk(points, out, chunk));
-        Ok(())
+        let here = control::current();
+        images.par_chunks_mut(CHUNK).zip(points.par_chunks(CHUNK)).try_for_each_init(
+            AveragedChunk::new,
+            |chunk, (out, points)| {
+                self.map_chunk(points, out, chunk);
+                here.check()
+            },
+        )
     }
 }

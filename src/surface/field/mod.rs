@@ -35,6 +35,7 @@ use self::predict::Point;
 use self::relax::{Pins, Tie, factors, relax, stiffness};
 use self::relief::Relief;
 use self::repair::{Images, Repaired};
+use crate::control;
 use crate::engine::Real;
 use crate::error::{Error, Result};
 use crate::geometry::{NONE, SurfacePoint};
@@ -201,6 +202,7 @@ impl<S: Real, const K: usize> Field<S, K> {
         let FieldPair { shapes, from, to } = pair;
         let known = pair.known(anchors);
         let judges = known.judges();
+        control::check()?;
         let (embedded, spatial) = (known.embedded(judges.as_ref()), known.spatial(judges.as_ref()));
         let (Some(embedded), Some(spatial)) = (embedded, spatial) else {
             return Err(Error::input("there are no anchors", "Give at least one pair, better twenty or more"));
@@ -233,6 +235,7 @@ impl<S: Real, const K: usize> Field<S, K> {
         // projection is off by.
         field.unit /= (1.0 + lambda * lambda).sqrt();
 
+        control::check()?;
         // What anchors left out would have missed, on the surface.
         let closest = ClosestOnSurface::new(&field.reference, &field.vertices);
         let left_out: Vec<f64> = (0..known.a.len())
@@ -281,6 +284,7 @@ impl<S: Real, const K: usize> Field<S, K> {
         let images = || -> Vec<Vector<f64, K>> { (0..shapes.used.len()).into_par_iter().map(image).collect() };
         let ((surface, factors), mut z) = rayon::join(|| rayon::join(surface, factors), images);
         let (reference, vertices) = surface?;
+        control::check()?;
         z.iter_mut().for_each(|z| *z = framed(&reference, *z));
         let closest = ClosestOnSurface::new(&reference, &vertices);
         let mut held = vec![false; z.len()];
@@ -318,7 +322,7 @@ impl<S: Real, const K: usize> Field<S, K> {
         if relaxed {
             let (z, starts) = (&mut z[..], &mut starts[..]);
             let start_faces = &start_faces;
-            turned = Images { shapes, source: &reference, closest: &closest, z, starts, start_faces }.repair(&held);
+            turned = Images { shapes, source: &reference, closest: &closest, z, starts, start_faces }.repair(&held)?;
         }
         if turned.before > turned.left.len() {
             start_faces = faces(&z, &starts);
@@ -523,10 +527,11 @@ impl<S: Real, const K: usize> PointMap for Field<S, K> {
         check_faces(points, self.triangles.len())?;
         images.clear();
         images.resize(points.len(), PackedImage::NOWHERE);
-        images.par_chunks_mut(CHUNK).zip(points.par_chunks(CHUNK)).for_each(|(out, points)| {
+        let here = control::current();
+        images.par_chunks_mut(CHUNK).zip(points.par_chunks(CHUNK)).try_for_each(|(out, points)| {
             points.iter().zip(out).for_each(|(p, image)| *image = self.map_point(*p));
-        });
-        Ok(())
+            here.check()
+        })
     }
 
     fn field(&self) -> Option<&FieldReport> {

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::closest::{Closest, ClosestOnSurface, FLAT};
 use super::relief::Relief;
+use crate::control;
 use crate::error::Result;
 use crate::geometry::NONE;
 use crate::geometry::bending::Bending;
@@ -87,6 +88,7 @@ pub(super) fn relax<const K: usize>(
     for (factor, (_, steps)) in pins.factors.iter().zip(STAGES) {
         let mut last = vec![[0.0; K]; n];
         for step in 0..steps {
+            control::check()?;
             let normals = relief.of(z, target_triangles);
             let pulled: Vec<(Option<Closest>, Vector<f64, K>)> = (0..n)
                 .into_par_iter()

@@ -22,6 +22,8 @@ use self::upright::{Image, Lifted, facing};
 use super::closest::{Closest, ClosestOnSurface};
 use super::pair::Shapes;
 use super::{GUARD, start_face};
+use crate::control;
+use crate::error::Result;
 use crate::geometry::{NONE, SurfacePoint};
 use crate::surface::PhongSurface;
 use crate::surface::project::Found;
@@ -83,7 +85,10 @@ impl<const K: usize> Images<'_, K> {
     /// Gives the vertices of turned triangles new images, then those of rings around them where
     /// that does not help. A patch is kept only if fewer of its triangles are turned. Vertices of
     /// `held` stay. `O(F)`, and what turned triangles take, within bounds.
-    pub(super) fn repair(&mut self, held: &[bool]) -> Repaired {
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`](crate::Error::Cancelled).
+    pub(super) fn repair(&mut self, held: &[bool]) -> Result<Repaired> {
         let source = self.shapes.source;
         let normals = vertex_normals(source.mesh, source.topology);
         let first = |v: usize| Some(self.start_faces[self.first(v)?]);
@@ -102,6 +107,7 @@ impl<const K: usize> Images<'_, K> {
             if left.is_empty() || HOPELESS * left.len() > all.len() {
                 break;
             }
+            control::check()?;
             let way = Way { mirrored, average: way % 2 == 1, flat: way < 2, planar: way < 4 };
             let mut touched = Vec::new();
             let mut tasks = Vec::new();
@@ -144,7 +150,7 @@ impl<const K: usize> Images<'_, K> {
             left.dedup();
             left.retain(|&t| bad(&seen, t));
         }
-        Repaired { before, left: all.into_iter().filter(|&t| bad(&seen, t)).collect() }
+        Ok(Repaired { before, left: all.into_iter().filter(|&t| bad(&seen, t)).collect() })
     }
 
     /// Gives vertices other images and starts, and returns those they had.
@@ -379,7 +385,8 @@ mod tests {
             starts: &mut starts,
             start_faces: &faces,
         }
-        .repair(&stays);
+        .repair(&stays)
+        .unwrap();
         let off = |(a, b): (&Vector<f64, 4>, &Vector<f64, 4>)| crate::surface::vector::distance_squared(a, b).sqrt();
         (report, z.iter().zip(&right).map(off).collect())
     }

@@ -10,6 +10,7 @@ use super::outliers::{Outlier, outliers};
 use super::register::{Hold, Registration, mismatch_of, register};
 use super::side::Side;
 use super::{AnchorOptions, Origin, Proposal, Proposed};
+use crate::control;
 use crate::error::Result;
 use crate::geometry::{Geodesics, March, NONE, SurfacePoint};
 use crate::progress::Progress;
@@ -167,9 +168,10 @@ fn registered(
     handedness: f64,
     progress: &dyn Progress,
 ) -> Result<(Registration, Reliability)> {
+    let here = control::current();
     let one = |to: usize, start: &[Option<SurfacePoint>]| {
         let (a, b) = (&couple.sides[to], &couple.sides[1 - to]);
-        let found = register(a, b, start, &couple.holds(seeds, to), handedness);
+        let found = here.within(|| register(a, b, start, &couple.holds(seeds, to), handedness));
         progress.advance(1);
         found
     };

@@ -7,6 +7,7 @@ use nalgebra::Matrix3;
 use rayon::prelude::*;
 
 use super::side::{CHANNELS, FRAME, Relief, Side};
+use crate::control;
 use crate::error::Result;
 use crate::geometry::SurfacePoint;
 use crate::geometry::bending::Bending;
@@ -131,6 +132,7 @@ pub(super) fn register(
     let mut last: Vec<(DMat3, f64, DVec3)> = Vec::new();
     for stiffness in STIFFNESS {
         for _ in 0..STEPS {
+            control::check()?;
             let places = at(&images);
             let frames = frames(target, &places, handedness)?;
             // What the relief says.

@@ -125,6 +125,7 @@ fn near_origin(
                 notes.extend(path.notes.iter().cloned());
                 Box::new(path)
             }
+            Err(Error::Cancelled) => return Err(Error::Cancelled),
             Err(error) => {
                 notes.push(format!("the cage has no path by encoding ({error}); the linear path is taken"));
                 Box::new(Linear::new(cage))

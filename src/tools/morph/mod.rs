@@ -14,6 +14,7 @@ mod untangle;
 use glam::DVec3;
 use rayon::prelude::*;
 
+use crate::control;
 use crate::encoding::{Blend, Connectivity, DecodeReport, Hierarchy, HierarchyOptions, MarchQuality, Marcher, Mix, V3};
 use crate::error::{Error, Result};
 use crate::geometry::{Corner, Frame, Mesh, NONE};
@@ -220,7 +221,9 @@ impl Morpher {
         for (block, part) in frames.chunks(BLOCK).enumerate() {
             let reached: Vec<Reached> = part.iter().map(|frame| reach(self, frame)).collect::<Result<_>>()?;
             let whole: &Self = self;
-            let done: Vec<_> = reached.into_par_iter().map(|r| whole.complete(r, quality)).collect::<Result<_>>()?;
+            let here = control::current();
+            let done: Vec<_> =
+                reached.into_par_iter().map(|r| here.within(|| whole.complete(r, quality))).collect::<Result<_>>()?;
             for (k, (shape, report)) in done.into_iter().enumerate() {
                 sink(block * BLOCK + k, shape, report)?;
             }

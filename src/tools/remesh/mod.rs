@@ -23,6 +23,7 @@ pub use base::automatic_base;
 pub use measure::{Angles, EdgeLengths};
 pub use measure::{Distances, Turned};
 
+use crate::control;
 use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::forward_in_dimension as in_dimension;
@@ -401,6 +402,7 @@ impl<'a> Remesher<'a> {
             let mut all: Vec<Vec<SurfacePoint>> = Vec::with_capacity(steps);
             let mut closest = 0;
             for _ in 0..steps {
+                control::check()?;
                 let found = forward.averages(all.last().map_or(points, |p| p), rows);
                 closest = found.iter().filter(|a| a.origin == Origin::Closest).count();
                 all.push(found.iter().map(|a| a.point).collect());

@@ -13,6 +13,7 @@ use super::output::{Output, Scratch};
 use super::plan::Plan;
 use super::tally::Tally;
 use super::{TransferOptions, TransferStats};
+use crate::control;
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::raster::Image;
@@ -47,6 +48,7 @@ impl Bands<'_, '_> {
         let mut tally = Tally::default();
         let all = self.all();
         for rows in &all {
+            control::check()?;
             self.coarse.advance(rows, self.watch)?;
             self.color(rows, |_| true)?;
             let band = &mut self.covers[rows.start * width..rows.end * width];
@@ -68,6 +70,7 @@ impl Bands<'_, '_> {
         let next = |rows: &Range<usize>| (rows.end + 1).min(height);
         resident.begin(next(&all[0]), self.coarse.atlas(), self.plan.most_entries, self.watch)?;
         for (k, rows) in all.iter().enumerate() {
+            control::check()?;
             let (found, seen) = resident.collect(&mut staying(self.outputs), faces)?;
             self.watch.lap("wait");
             resident.color(rows, &found, self.watch)?;
@@ -107,6 +110,7 @@ impl Bands<'_, '_> {
             self.watch.lap("footprint");
         }
         for output in self.outputs.iter_mut() {
+            control::check()?;
             if wanted(output) {
                 let sampler = self.sampler.as_deref_mut();
                 output.sample(rows, self.coarse, self.fine.as_deref(), &mut self.scratch, options, sampler)?;

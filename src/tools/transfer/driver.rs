@@ -19,6 +19,7 @@ use super::seams::seam_pairs;
 use super::tables::target_triangles;
 use super::tally::HOLE;
 use super::{LARGEST_SIDE, TransferOptions, TransferOutput, TransferStats, coverage};
+use crate::control;
 use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, NONE};
@@ -163,7 +164,7 @@ pub fn transfer_with<'a>(
     let mut notes = Vec::new();
     if options.fill != Fill::None {
         let allowed = options.memory.saturating_sub(fixed(source, layers, target, options));
-        stats.filled = fill_holes(&mut outputs, target, &mut covers, options, allowed, &mut notes);
+        stats.filled = fill_holes(&mut outputs, target, &mut covers, options, allowed, &mut notes)?;
         watch.lap("fill");
     }
     if padded {
@@ -173,6 +174,7 @@ pub fn transfer_with<'a>(
         let mut nearest = Vec::new();
         let mut padder = stages.padder(&covers, width, options.margin)?;
         for start in (0..height).step_by(plan.rows) {
+            control::check()?;
             let rows = start..(start + plan.rows).min(height);
             match &mut padder {
                 Some(padder) => padder.nearest(rows.clone(), &mut nearest)?,
@@ -286,16 +288,16 @@ fn fill_holes(
     options: &TransferOptions,
     allowed: u64,
     notes: &mut Vec<String>,
-) -> u64 {
+) -> Result<u64> {
     if outputs.iter().all(|o| o.holes.is_empty()) {
-        return 0;
+        return Ok(0);
     }
     let required = outputs.iter().map(|o| o.holes.texels.len() as u64).max().unwrap_or(0) * options.fill.bytes();
     if required > allowed {
         notes.push(format!(
             "holes stay without colour: filling them needs {required} bytes beside the pictures, {allowed} are allowed (--memory)"
         ));
-        return 0;
+        return Ok(0);
     }
     let size = [options.width, options.height];
     let seams = seam_pairs(target, &charts(target), size, options.region, options.material);
@@ -306,7 +308,7 @@ fn fill_holes(
         let how = if output.kind == LayerKind::Labels { Fill::Nearest } else { options.fill };
         let (kind, depth, channels) = (output.kind, output.image.depth(), output.image.channels as usize);
         let finish = |color: &mut [f32]| renormalise(kind, depth, channels, color);
-        filled.append(&mut fill(&mut output.image, &holes, covers, &seams, how, encoding, finish));
+        filled.append(&mut fill(&mut output.image, &holes, covers, &seams, how, encoding, finish)?);
     }
     filled.sort_unstable();
     filled.dedup();
@@ -316,7 +318,7 @@ fn fill_holes(
             *cover = coverage::DOUBTFUL;
         }
     }
-    filled.len() as u64
+    Ok(filled.len() as u64)
 }
 
 pub(super) fn check(source: &Mesh, layers: &[Layer<'_>], target: &Mesh, options: &TransferOptions) -> Result<()> {

@@ -11,6 +11,7 @@ mod cuts;
 mod fans;
 mod rebuild;
 
+use crate::control;
 use crate::error::{Error, Result};
 use crate::geometry::texcoords::{Distortion, Islands, OverlapOptions, Overlaps, distortion, overlaps, seam_length};
 use crate::geometry::{Mesh, NONE, Topology};
@@ -140,6 +141,7 @@ fn charts(mesh: &Mesh, options: &UnwrapOptions) -> Result<Charts> {
     let mut input = rebuild::Input::new(mesh);
     let mut rounds = 0;
     loop {
+        control::check()?;
         let atlas = input.atlas(&cuts, options, &mesh.name)?;
         let (unwrapped, cut_polygons) = rebuild::with_texcoords(mesh, rebuild::texcoords(&atlas));
         let islands = Islands::new(&unwrapped);

@@ -8,6 +8,7 @@ use super::placement::Placement;
 use super::pyramid::{Pyramid, Texel};
 use super::sight::Sight;
 use super::store::{Colors, Outside, gather_and_store, store};
+use crate::control;
 use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::mapping::plane::{CompositeMap, Found};
@@ -145,6 +146,7 @@ pub fn warp_picture(
     progress.stage("pixels", stats.pixels);
     let rows = (BAND_PIXELS / width as usize).clamp(1, height as usize);
     for first in (0..height as usize).step_by(rows) {
+        control::check()?;
         let band = Band { first, rows: rows.min(height as usize - first), width: width as usize };
         sight.preimages(band, squares.as_ref(), &mut work, &mut stats)?;
         watch.lap("preimages");

@@ -9,6 +9,8 @@ use super::chart::{Chart, Fan};
 use super::domain::Domain;
 use super::interval::Interval;
 use super::{Certificate, CertifyOptions, Verdict};
+use crate::control;
+use crate::error::Error;
 use crate::progress::Progress;
 
 /// Parts of the progress.
@@ -47,29 +49,42 @@ pub(super) struct Search<'a> {
     done: f64,
 }
 
+/// How a search ends before it has proved its cells.
+enum End {
+    Verdict(Verdict),
+    Cancelled,
+}
+
+impl From<Verdict> for End {
+    fn from(verdict: Verdict) -> Self {
+        Self::Verdict(verdict)
+    }
+}
+
 impl<'a> Search<'a> {
     /// The search over a domain with these corners.
     pub(super) fn new(domain: &'a Domain, corners: Vec<Corner>, options: &'a CertifyOptions) -> Self {
         Self { domain, options, corners, sampled: f64::INFINITY, boxes: 0, done: 0.0 }
     }
 
-    pub(super) fn run(mut self, progress: &dyn Progress) -> Certificate {
+    pub(super) fn run(mut self, progress: &dyn Progress) -> crate::Result<Certificate> {
         progress.stage("certificate", PARTS as u64);
         let verdict = self.vertices().and_then(|()| self.prove(progress)).and_then(|proved| self.sharpen(proved));
         let verdict = match verdict {
             Ok(bound) => Verdict::Certified { lower_bound: bound * self.domain.jacobian_unit },
-            Err(verdict) => verdict,
+            Err(End::Verdict(verdict)) => verdict,
+            Err(End::Cancelled) => return Err(Error::Cancelled),
         };
-        Certificate { verdict, boxes: self.boxes, sampled: self.sampled * self.domain.jacobian_unit }
+        Ok(Certificate { verdict, boxes: self.boxes, sampled: self.sampled * self.domain.jacobian_unit })
     }
 
     /// Cuts the roots until all cells are proved positive.
-    fn prove(&mut self, progress: &dyn Progress) -> Result<Vec<Cell>, Verdict> {
+    fn prove(&mut self, progress: &dyn Progress) -> Result<Vec<Cell>, End> {
         let (mut open, mut proved) = (self.roots(), Vec::new());
         while !open.is_empty() {
             let room = self.options.boxes.saturating_sub(self.boxes);
             if room == 0 {
-                return Err(self.undecided(&open));
+                return Err(self.undecided(&open).into());
             }
             let later = open.split_off(open.len().min(usize::try_from(room).unwrap_or(usize::MAX)));
             let mut round = self.round(&open)?;
@@ -81,7 +96,7 @@ impl<'a> Search<'a> {
             for cell in round.open {
                 match cell.halves() {
                     Some(halves) => open.extend(halves),
-                    None => return Err(self.undecided(&[cell])),
+                    None => return Err(self.undecided(&[cell]).into()),
                 }
             }
             open.extend(later);
@@ -92,7 +107,7 @@ impl<'a> Search<'a> {
 
     /// Cuts cells whose bound is far below the sampled minimum, the lowest first, as long as that
     /// is cheap; returns the least bound.
-    fn sharpen(&mut self, mut proved: Vec<Cell>) -> Result<f64, Verdict> {
+    fn sharpen(&mut self, mut proved: Vec<Cell>) -> Result<f64, End> {
         let limit = (self.boxes.saturating_mul(3) + 4096).min(self.options.boxes);
         loop {
             let target = self.sampled * (1.0 - self.options.tolerance);
@@ -111,9 +126,11 @@ impl<'a> Search<'a> {
 
     /// Examines cells, in parallel, and takes the outcomes in order. A cell proved already stays
     /// so.
-    fn round(&mut self, cells: &[Cell]) -> Result<Round, Verdict> {
-        let outcomes: Vec<Outcome> =
-            cells.par_iter().map_init(Workspace::default, |work, cell| self.examine(cell, work)).collect();
+    fn round(&mut self, cells: &[Cell]) -> Result<Round, End> {
+        let here = control::current();
+        let examine = |work: &mut Workspace, cell: &Cell| here.check().map(|()| self.examine(cell, work));
+        let outcomes: crate::Result<Vec<Outcome>> = cells.par_iter().map_init(Workspace::default, examine).collect();
+        let outcomes = outcomes.map_err(|_| End::Cancelled)?;
         let mut round = Round::default();
         for (cell, outcome) in cells.iter().zip(outcomes) {
             let mut cell = Cell { cut: cell.wider_parameter(), ..*cell };
@@ -126,7 +143,7 @@ impl<'a> Search<'a> {
                 Outcome::Bounded(bounds, inside) => {
                     self.boxes += 1;
                     if inside && bounds.centre.hi < 0.0 {
-                        return Err(self.fold(&cell, bounds.centre));
+                        return Err(self.fold(&cell, bounds.centre).into());
                     }
                     if inside && bounds.centre.is_known() {
                         self.sampled = self.sampled.min(bounds.centre.hi);
@@ -177,7 +194,7 @@ impl<'a> Search<'a> {
     /// As a function of the direction's angle the limit is a sinusoid plus a constant, so three
     /// values in a fan predict where it is least; rigour needs no more than that the values
     /// themselves are enclosures at points of the polygon.
-    fn vertices(&mut self) -> Result<(), Verdict> {
+    fn vertices(&mut self) -> Result<(), End> {
         let fans: Vec<Fan> = self.corners.iter().flat_map(|c| c.fans.iter().copied()).collect();
         let samples: Vec<Vec<(f64, Interval)>> =
             fans.par_iter().map_init(Workspace::default, |work, fan| self.limits(fan, work)).collect();
@@ -186,7 +203,7 @@ impl<'a> Search<'a> {
                 let cell = Cell::new(Chart::Fan(*fan), [Interval::ZERO, Interval::point(mu)], 0.0);
                 self.boxes += 1;
                 if value.hi < 0.0 {
-                    return Err(self.fold(&cell, value));
+                    return Err(self.fold(&cell, value).into());
                 }
                 if value.is_known() {
                     self.sampled = self.sampled.min(value.hi);

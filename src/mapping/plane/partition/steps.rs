@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use rayon::prelude::*;
 
+use crate::control;
 use crate::error::{Error, Result};
 use crate::geometry::Polygon;
 use crate::geometry::polygon::Nesting;
@@ -85,6 +86,7 @@ impl<'a, 'e> Steps<'a, 'e> {
         wanted.sort_unstable();
         wanted.dedup();
         if !wanted.is_empty() {
+            control::check().map_err(Stop::Fault)?;
             let pairs: Vec<(Polygon, Polygon)> =
                 wanted.iter().map(|(a, b)| (self.polygons[a].clone(), self.polygons[b].clone())).collect();
             let found = (self.evaluate)(&pairs).map_err(Stop::Fault)?;

@@ -12,6 +12,8 @@ use rayon::prelude::*;
 use super::color::Sample;
 use super::mip::Encoding;
 use super::seams::SeamPair;
+use crate::control;
+use crate::error::Result;
 use crate::geometry::NONE;
 use crate::raster::{Image, Pixels};
 
@@ -52,6 +54,9 @@ impl Fill {
 /// Texels are neighbours along rows and columns of a chart, and across `seams`. Colours are mixed
 /// decoded and weighted by opacity, as filters do; `finish` gets all of them before they are
 /// stored. O(n log n) for n texels of holes.
+///
+/// # Errors
+/// [`Error::Cancelled`](crate::Error::Cancelled).
 pub(super) fn fill(
     image: &mut Image,
     holes: &Holes,
@@ -60,14 +65,14 @@ pub(super) fn fill(
     how: Fill,
     encoding: Encoding,
     finish: impl FnOnce(&mut [f32]),
-) -> Vec<u32> {
+) -> Result<Vec<u32>> {
     if how == Fill::None || holes.is_empty() {
-        return Vec::new();
+        return Ok(Vec::new());
     }
     let graph = Graph::new(holes, covers, seams, image.width);
     let channels = image.channels as usize;
     if how == Fill::Nearest {
-        return copy_nearest(image, &graph);
+        return Ok(copy_nearest(image, &graph));
     }
     // Known texels beside the holes, decoded once; a plane per channel.
     let mut planes = vec![vec![0.0_f64; graph.known.len()]; channels];
@@ -79,14 +84,16 @@ pub(super) fn fill(
         }
     }
     let pyramid = pyramid::Pyramid::new(&graph);
+    let here = control::current();
     let solve = |known: &Vec<f64>| {
+        here.check()?;
         let (mut values, filled) = pyramid::pull_push(&graph, &pyramid, known);
         if how == Fill::Smooth {
-            smooth::solve(&graph, &pyramid, known, &filled, &mut values);
+            here.within(|| smooth::solve(&graph, &pyramid, known, &filled, &mut values))?;
         }
-        (values, filled)
+        Ok((values, filled))
     };
-    let solved: Vec<(Vec<f64>, Vec<bool>)> = planes.par_iter().map(solve).collect();
+    let solved = planes.par_iter().map(solve).collect::<Result<Vec<(Vec<f64>, Vec<bool>)>>>()?;
     let mut written = Vec::new();
     let mut colors = Vec::new();
     for (u, &texel) in graph.unknown.iter().enumerate().filter(|(u, _)| solved[0].1[*u]) {
@@ -97,7 +104,7 @@ pub(super) fn fill(
     for (&texel, color) in written.iter().zip(colors.chunks_exact(channels)) {
         encode(image, texel as usize, encoding, color);
     }
-    written
+    Ok(written)
 }
 
 /// Copies samples as they are.

@@ -2,6 +2,8 @@
 
 use super::graph::Graph;
 use super::pyramid::Pyramid;
+use crate::control;
+use crate::error::Result;
 use crate::geometry::NONE;
 
 /// The residual over the one of the start, or over the boundary values, that ends the iteration: a
@@ -20,7 +22,16 @@ const COARSE_DEGREE: f64 = 4.0;
 /// Conjugate gradients in double precision, preconditioned by the sum of the pyramid's levels
 /// (Bramble, Pasciak and Xu 1990, "Parallel multilevel preconditioners"): O(n) a step, and the
 /// number of steps hardly grows with n. One thread, so always the same bits.
-pub(super) fn solve(graph: &Graph, pyramid: &Pyramid, known: &[f64], filled: &[bool], values: &mut [f64]) -> usize {
+///
+/// # Errors
+/// [`Error::Cancelled`](crate::Error::Cancelled).
+pub(super) fn solve(
+    graph: &Graph,
+    pyramid: &Pyramid,
+    known: &[f64],
+    filled: &[bool],
+    values: &mut [f64],
+) -> Result<usize> {
     let n = values.len();
     let system = System::new(graph, pyramid, filled);
     let mut b = vec![0.0; n];
@@ -39,8 +50,9 @@ pub(super) fn solve(graph: &Graph, pyramid: &Pyramid, known: &[f64], filled: &[b
     let mut before = 0.0;
     for iteration in 0..MOST_ITERATIONS {
         if norm(&residual) <= enough {
-            return iteration;
+            return Ok(iteration);
         }
+        control::check()?;
         system.precondition(&residual, &mut z);
         let now = dot(&residual, &z);
         let beta = if iteration == 0 { 0.0 } else { now / before };
@@ -52,7 +64,7 @@ pub(super) fn solve(graph: &Graph, pyramid: &Pyramid, known: &[f64], filled: &[b
         // Also where it is not a number: colours of float pictures may be infinite. The start stays
         // then.
         if !(curvature > 0.0) {
-            return iteration;
+            return Ok(iteration);
         }
         let step = now / curvature;
         for u in 0..n {
@@ -61,7 +73,7 @@ pub(super) fn solve(graph: &Graph, pyramid: &Pyramid, known: &[f64], filled: &[b
         }
         before = now;
     }
-    MOST_ITERATIONS
+    Ok(MOST_ITERATIONS)
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {

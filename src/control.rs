@@ -1,0 +1,185 @@
+//! Ending long work before its end.
+//!
+//! Work that runs inside [`Control::run`] ends with [`Error::Cancelled`] soon after [`Control::cancel`]
+//! was called, from any thread. The loops of this library look at the control of their thread
+//! between bands, sweeps, stages and slices of a device's work; what is not finished is dropped. A
+//! control is not handed from function to function: everything below `run` on its thread is under it,
+//! and parallel parts take it along.
+//!
+//! ```
+//! use barymap::control::Control;
+//!
+//! let control = Control::new();
+//! control.cancel();
+//! let result = control.run(|| Ok(1));
+//! assert!(matches!(result, Err(barymap::Error::Cancelled)));
+//! ```
+
+use std::cell::RefCell;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use crate::error::{Error, Result};
+
+/// A handle by which work is cancelled. Clones are handles of the same work.
+#[derive(Clone, Debug, Default)]
+pub struct Control {
+    state: Arc<State>,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    cancelled: AtomicBool,
+    /// How often the work has looked here.
+    checks: AtomicU64,
+    /// The check from which on work is cancelled; 0 for none.
+    end: AtomicU64,
+}
+
+thread_local! {
+    /// The control of the work on this thread.
+    static HERE: RefCell<Option<Control>> = const { RefCell::new(None) };
+}
+
+impl Control {
+    /// Of work that was not cancelled.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Ends the work that runs under this control, and all that will.
+    pub fn cancel(&self) {
+        self.state.cancelled.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether the work is to end.
+    pub fn is_cancelled(&self) -> bool {
+        self.state.cancelled.load(Ordering::Relaxed)
+    }
+
+    /// Runs `work` under this control instead of any other that the thread has.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`] if the work was cancelled; else those of `work`.
+    pub fn run<T>(&self, work: impl FnOnce() -> Result<T>) -> Result<T> {
+        Current(Some(self.clone())).within(|| {
+            check()?;
+            work()
+        })
+    }
+
+    /// Cancels work at the check with number `end`, from 1 on. For tests: where work ends does not
+    /// depend on time then.
+    #[doc(hidden)]
+    pub fn cancel_at(&self, end: u64) {
+        self.state.end.store(end, Ordering::Relaxed);
+    }
+
+    /// How often work has looked whether it is to end.
+    #[doc(hidden)]
+    pub fn checks(&self) -> u64 {
+        self.state.checks.load(Ordering::Relaxed)
+    }
+
+    fn check(&self) -> Result<()> {
+        let number = 1 + self.state.checks.fetch_add(1, Ordering::Relaxed);
+        let end = self.state.end.load(Ordering::Relaxed);
+        if end != 0 && number >= end {
+            self.cancel();
+        }
+        if self.is_cancelled() { Err(Error::Cancelled) } else { Ok(()) }
+    }
+}
+
+/// What a thread works under, for the parts of its work that other threads do.
+#[derive(Clone, Debug)]
+pub(crate) struct Current(Option<Control>);
+
+impl Current {
+    /// As [`check`], from any thread.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`].
+    pub(crate) fn check(&self) -> Result<()> {
+        self.0.as_ref().map_or(Ok(()), Control::check)
+    }
+
+    /// Runs `work` under it on this thread.
+    pub(crate) fn within<T>(&self, work: impl FnOnce() -> T) -> T {
+        let _before = Restore(HERE.with(|here| here.replace(self.0.clone())));
+        work()
+    }
+}
+
+/// Puts a thread's control back, even where its work panics.
+struct Restore(Option<Control>);
+
+impl Drop for Restore {
+    fn drop(&mut self) {
+        HERE.with(|here| *here.borrow_mut() = self.0.take());
+    }
+}
+
+/// The control of this thread.
+pub(crate) fn current() -> Current {
+    Current(HERE.with(|here| here.borrow().clone()))
+}
+
+/// Ends work that was cancelled: loops whose passes take long call this in each.
+///
+/// # Errors
+/// [`Error::Cancelled`].
+pub(crate) fn check() -> Result<()> {
+    HERE.with(|here| here.borrow().as_ref().map_or(Ok(()), Control::check))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn work_ends_where_it_looks_next() {
+        let control = Control::new();
+        let count = |control: &Control| {
+            let mut done = 0;
+            let result = control.run(|| {
+                for _ in 0..10 {
+                    check()?;
+                    done += 1;
+                }
+                Ok(())
+            });
+            (done, result.is_ok())
+        };
+        assert_eq!(count(&control), (10, true));
+        assert_eq!(control.checks(), 11);
+        control.cancel_at(11 + 4);
+        assert_eq!(count(&control), (2, false), "the fourth check is the third of the loop");
+        assert_eq!(count(&control), (0, false));
+        assert!(control.is_cancelled() && control.clone().is_cancelled());
+        assert!(check().is_ok(), "nothing stays behind on the thread");
+    }
+
+    #[test]
+    fn other_threads_work_under_it_and_no_other_work_does() {
+        let (outer, inner) = (Control::new(), Control::new());
+        inner.cancel();
+        let result = outer.run(|| {
+            let here = current();
+            std::thread::scope(|scope| {
+                scope.spawn(|| {
+                    assert!(check().is_ok());
+                    outer.cancel();
+                    assert!(check().is_ok(), "this thread has no control");
+                    assert!(here.check().is_err() && here.within(check).is_err());
+                    assert!(check().is_ok());
+                });
+            });
+            assert!(inner.run(|| Ok(())).is_err());
+            check()
+        });
+        assert!(matches!(result, Err(Error::Cancelled)));
+        let kept = std::panic::catch_unwind(|| inner.clone().run(|| -> Result<()> { Ok(()) }).is_err());
+        assert!(kept.unwrap_or(false) && check().is_ok());
+    }
+}
