@@ -16,12 +16,21 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatRef, Par};
 use rayon::prelude::*;
 
+use crate::engine::lane::{Lane, Lanes, MAX_LANES, Sweep};
 use crate::error::{Error, Result};
 
-/// Lanes the pair loop is written in.
+/// Rows are padded to a multiple of this, which is one of every number of lanes.
 const LANES: usize = 8;
 /// Rows of a block of work; fixed, so that results do not depend on the number of threads.
 const ROWS: usize = 64;
+/// Matrices of at most so many rows have all their eigenvectors computed, larger ones the leading
+/// ones alone: 2,000 rows take 3 s of CPU time the first way, a tenth of a second the second.
+const EXACT: usize = 256;
+/// Columns of the subspace beyond those asked for. Distances on a surface are not those of points
+/// in a flat space: of the eigenvalues that are large in size some are negative.
+const SPARE: usize = 12;
+/// Products with the matrix in the iteration.
+const POWERS: usize = 24;
 /// Pairs of steps the quasi-Newton directions are made of.
 const HISTORY: usize = 6;
 
@@ -54,7 +63,8 @@ pub(crate) struct Scaled {
 /// The classical (Torgerson) solution: eigenvectors of the doubly centred squared distances; unused
 /// dimensions are zero.
 ///
-/// `distances` is a full symmetric n x n matrix. O(n^3).
+/// `distances` is a full symmetric n x n matrix. O(n^2) of large ones, where the solution is
+/// approximate.
 pub(crate) fn classical(distances: &[f64], n: usize, dimension: usize) -> Result<Mat<f64>> {
     let square = |i: usize, j: usize| distances[i * n + j] * distances[i * n + j];
     let means: Vec<f64> = (0..n).map(|i| (0..n).map(|j| square(i, j)).sum::<f64>() / n as f64).collect();
@@ -66,8 +76,61 @@ pub(crate) fn classical(distances: &[f64], n: usize, dimension: usize) -> Result
     }))
 }
 
-/// The `count` largest eigenvalues, falling, with their eigenvectors as columns.
+/// The `count` largest eigenvalues, falling, with their eigenvectors as columns; of large matrices
+/// approximately ([`leading_subspace`]).
 fn leading_eigenpairs(a: MatRef<'_, f64>, count: usize) -> Result<(Vec<f64>, Mat<f64>)> {
+    let n = a.nrows();
+    if n <= EXACT {
+        let (values, vectors) = eigenpairs(a)?;
+        let count = count.min(n);
+        return Ok(((0..count).map(|k| values[k]).collect(), vectors.subcols(0, count).to_owned()));
+    }
+    let basis = leading_subspace(a, (count + SPARE).min(n));
+    // Rayleigh and Ritz: the best that the subspace holds.
+    let image = symmetric_product(a, &basis);
+    let mut small = Mat::zeros(basis.ncols(), basis.ncols());
+    matmul(&mut small, Accum::Replace, basis.transpose(), &image, 1.0, Par::Seq);
+    let (values, vectors) = eigenpairs(small.as_ref())?;
+    let mut found = Mat::zeros(n, count);
+    matmul(&mut found, Accum::Replace, &basis, vectors.subcols(0, count), 1.0, Par::Seq);
+    Ok((values[..count].to_vec(), found))
+}
+
+/// Orthonormal columns that nearly span the eigenvectors of largest absolute eigenvalues: subspace
+/// iteration from fixed columns. The scaling begins there, and needs no digits of it.
+fn leading_subspace(a: MatRef<'_, f64>, columns: usize) -> Mat<f64> {
+    let n = a.nrows();
+    // Fractional parts of multiples of irrational numbers: spread evenly, the same on every run.
+    let spread = |i: usize, k: usize| ((i + 1) as f64 * (2.5 + k as f64).sqrt()).fract() - 0.5;
+    let mut basis = Mat::from_fn(n, columns, spread);
+    orthonormalise(&mut basis);
+    for _ in 0..POWERS {
+        basis = symmetric_product(a, &basis);
+        orthonormalise(&mut basis);
+    }
+    basis
+}
+
+/// Makes the columns orthonormal, one after another (Gram and Schmidt, twice); zero where nothing
+/// is left of one.
+fn orthonormalise(x: &mut Mat<f64>) {
+    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    for k in 0..x.ncols() {
+        let mut column = x.col_as_slice(k).to_vec();
+        let before = product(&column, &column).sqrt();
+        for j in (0..k).chain(0..k) {
+            let done = x.col_as_slice(j);
+            let along = product(&column, done);
+            column.iter_mut().zip(done).for_each(|(c, d)| *c -= along * d);
+        }
+        let length = product(&column, &column).sqrt();
+        let inverse = if length > 1e-12 * before { 1.0 / length } else { 0.0 };
+        x.col_as_slice_mut(k).iter_mut().zip(&column).for_each(|(out, c)| *out = c * inverse);
+    }
+}
+
+/// All eigenvalues, falling, with their eigenvectors as columns.
+fn eigenpairs(a: MatRef<'_, f64>) -> Result<(Vec<f64>, Mat<f64>)> {
     let n = a.nrows();
     let (mut values, mut vectors) = (faer::diag::Diag::<f64>::zeros(n), Mat::<f64>::zeros(n, n));
     // Sequential: the number of threads must not change the result.
@@ -87,12 +150,8 @@ fn leading_eigenpairs(a: MatRef<'_, f64>, count: usize) -> Result<(Vec<f64>, Mat
             "Try another number of landmarks",
         )
     })?;
-    let count = count.min(n);
     let pick = |k: usize| n - 1 - k;
-    Ok((
-        (0..count).map(|k| values.column_vector()[pick(k)]).collect(),
-        Mat::from_fn(n, count, |i, k| vectors[(i, pick(k))]),
-    ))
+    Ok(((0..n).map(|k| values.column_vector()[pick(k)]).collect(), Mat::from_fn(n, n, |i, k| vectors[(i, pick(k))])))
 }
 
 /// The stress problem of one set of distances, for any number of starts.
@@ -103,8 +162,7 @@ pub(crate) struct Problem {
     padded: usize,
     /// 1 / Q row by row, zero on the diagonal and in the padding.
     inverse: Vec<f64>,
-    /// Laplacian of the weights 1 / Q^2 and its pseudo-inverse.
-    v: Mat<f64>,
+    /// Pseudo-inverse of V, the Laplacian of the weights 1 / Q^2.
     v_plus: Mat<f64>,
 }
 
@@ -119,14 +177,11 @@ impl Problem {
             }
         }
         let weight = |i: usize, j: usize| inverse[i * padded + j] * inverse[i * padded + j];
-        let mut v = Mat::from_fn(n, n, |i, j| -weight(i, j));
-        for i in 0..n {
-            v[(i, i)] = (0..n).map(|j| weight(i, j)).sum();
-        }
+        let diagonal: Vec<f64> = (0..n).map(|i| (0..n).map(|j| weight(i, j)).sum()).collect();
         // V has the constants as its kernel: V^+ = (V + c 11')^-1 - 11' / (c n^2), with c of the
         // size of V's entries.
-        let c = (0..n).map(|i| v[(i, i)]).sum::<f64>() / (n * n) as f64;
-        let shifted = Mat::from_fn(n, n, |i, j| v[(i, j)] + c);
+        let c = diagonal.iter().sum::<f64>() / (n * n) as f64;
+        let shifted = Mat::from_fn(n, n, |i, j| c + if i == j { diagonal[i] } else { -weight(i, j) });
         let mut v_plus = inverse_positive(shifted)?;
         let shift = 1.0 / (c * (n * n) as f64);
         for j in 0..n {
@@ -134,88 +189,107 @@ impl Problem {
                 v_plus[(i, j)] -= shift;
             }
         }
-        Ok(Self { n, padded, inverse, v, v_plus })
+        Ok(Self { n, padded, inverse, v_plus })
     }
 
-    /// Mean stress over pairs and B(X) X.
-    fn evaluate(&self, x: &Mat<f64>) -> (f64, Mat<f64>) {
+    /// Mean stress over pairs, B(X) X, and V X.
+    fn evaluate(&self, x: &Mat<f64>) -> (f64, Mat<f64>, Mat<f64>) {
         let (n, dimension) = (self.n, x.ncols());
         // Dimension by dimension, padded.
         let mut columns = vec![0.0; dimension * self.padded];
         for k in 0..dimension {
             columns[k * self.padded..][..n].copy_from_slice(x.col_as_slice(k));
         }
+        let lanes = Lanes::detect();
         let blocks: Vec<(f64, Vec<f64>)> = (0..n.div_ceil(ROWS))
             .into_par_iter()
             .map(|block| {
                 let rows = block * ROWS..n.min((block + 1) * ROWS);
-                let mut product = vec![0.0; rows.len() * dimension];
+                let mut products = vec![0.0; rows.len() * 2 * dimension];
                 let mut stress = 0.0;
-                pulp::Arch::new().dispatch(|| {
-                    for i in rows.clone() {
-                        let out = &mut product[(i - rows.start) * dimension..][..dimension];
-                        let inverse = &self.inverse[i * self.padded..][..self.padded];
-                        stress += match dimension {
-                            4 => pair_row::<4>(i, inverse, &columns, out),
-                            8 => pair_row::<8>(i, inverse, &columns, out),
-                            12 => pair_row::<12>(i, inverse, &columns, out),
-                            _ => pair_row::<16>(i, inverse, &columns, out),
-                        };
-                    }
-                });
-                (stress, product)
+                for i in rows.clone() {
+                    let out = &mut products[(i - rows.start) * 2 * dimension..][..2 * dimension];
+                    let inverse = &self.inverse[i * self.padded..][..self.padded];
+                    stress += match dimension {
+                        4 => pair_row::<4>(lanes, i, inverse, &columns, out),
+                        8 => pair_row::<8>(lanes, i, inverse, &columns, out),
+                        12 => pair_row::<12>(lanes, i, inverse, &columns, out),
+                        _ => pair_row::<16>(lanes, i, inverse, &columns, out),
+                    };
+                }
+                (stress, products)
             })
             .collect();
         let pairs = (n * (n - 1)).max(1) as f64;
-        let mut product = Mat::zeros(n, dimension);
+        let (mut b, mut v) = (Mat::zeros(n, dimension), Mat::zeros(n, dimension));
         for (block, (_, rows)) in blocks.iter().enumerate() {
-            for (r, row) in rows.chunks_exact(dimension).enumerate() {
-                for (k, value) in row.iter().enumerate() {
-                    product[(block * ROWS + r, k)] = *value;
+            for (r, row) in rows.chunks_exact(2 * dimension).enumerate() {
+                for k in 0..dimension {
+                    b[(block * ROWS + r, k)] = row[k];
+                    v[(block * ROWS + r, k)] = row[dimension + k];
                 }
             }
         }
-        (blocks.iter().map(|b| b.0).sum::<f64>() / pairs, product)
+        (blocks.iter().map(|b| b.0).sum::<f64>() / pairs, b, v)
     }
 }
 
-/// Row `i` of B(X) X, and its part of the stress sum.
-#[inline(always)]
-fn pair_row<const D: usize>(i: usize, inverse: &[f64], columns: &[f64], out: &mut [f64]) -> f64 {
-    let padded = inverse.len();
-    let here: [f64; D] = std::array::from_fn(|k| columns[k * padded + i]);
-    let mut sums = [[0.0; LANES]; D];
-    let mut stress = [0.0; LANES];
-    for start in (0..padded).step_by(LANES) {
-        let mut squares = [0.0; LANES];
+/// Row `i` of B(X) X, then that of V X; and its part of the stress sum.
+fn pair_row<const D: usize>(lanes: Lanes, i: usize, inverse: &[f64], columns: &[f64], out: &mut [f64]) -> f64 {
+    let mut stress = 0.0;
+    lanes.run(PairRow::<D> { i, inverse, columns, out, stress: &mut stress });
+    stress
+}
+
+/// The loop of [`pair_row`] over the other points.
+struct PairRow<'a, const D: usize> {
+    i: usize,
+    inverse: &'a [f64],
+    columns: &'a [f64],
+    out: &'a mut [f64],
+    stress: &'a mut f64,
+}
+
+impl<const D: usize> Sweep<f64> for PairRow<'_, D> {
+    #[inline(always)]
+    fn run<L: Lane<E = f64>>(self, cpu: L::Cpu) {
+        let padded = self.inverse.len();
+        let (zero, one) = (L::num(cpu, 0.0), L::num(cpu, 1.0));
+        let columns: [&[f64]; D] = std::array::from_fn(|k| &self.columns[k * padded..][..padded]);
+        let mut here = [zero; D];
         for k in 0..D {
-            let column: &[f64] = &columns[k * padded + start..][..LANES];
-            for l in 0..LANES {
-                let difference = here[k] - column[l];
-                squares[l] += difference * difference;
-            }
+            here[k] = L::splat(cpu, columns[k][self.i]);
         }
-        let inverse = &inverse[start..][..LANES];
-        let mut ratio = [0.0; LANES];
-        for l in 0..LANES {
-            let d = squares[l].sqrt();
-            let used = if inverse[l] > 0.0 { 1.0 } else { 0.0 };
-            let error = used - d * inverse[l];
-            stress[l] += error * error;
+        let (mut sums, mut weighted, mut stress) = ([zero; D], [zero; D], zero);
+        for start in (0..padded).step_by(L::N) {
+            let (mut apart, mut square) = ([zero; D], zero);
+            for k in 0..D {
+                apart[k] = here[k] - L::load(cpu, &columns[k][start..]);
+                square = apart[k].mul_add(apart[k], square);
+            }
+            let inverse = L::load(cpu, &self.inverse[start..]);
+            let d = square.sqrt();
+            let error = L::select(zero.lt(inverse), one, zero) - d * inverse;
+            stress = error.mul_add(error, stress);
             // Coincident points have no direction to be pushed apart in.
-            ratio[l] = if d > 0.0 { inverse[l] / d } else { 0.0 };
-        }
-        for k in 0..D {
-            let column: &[f64] = &columns[k * padded + start..][..LANES];
-            for l in 0..LANES {
-                sums[k][l] += ratio[l] * (here[k] - column[l]);
+            let ratio = L::select(zero.lt(d), inverse / d, zero);
+            let weight = inverse * inverse;
+            for k in 0..D {
+                sums[k] = ratio.mul_add(apart[k], sums[k]);
+                weighted[k] = weight.mul_add(apart[k], weighted[k]);
             }
         }
+        let total = |x: L| -> f64 {
+            let mut each = [0.0; MAX_LANES];
+            x.store(&mut each);
+            each[..L::N].iter().sum()
+        };
+        for k in 0..D {
+            self.out[k] = total(sums[k]);
+            self.out[D + k] = total(weighted[k]);
+        }
+        *self.stress = total(stress);
     }
-    for k in 0..D {
-        out[k] = sums[k].iter().sum();
-    }
-    stress.iter().sum()
 }
 
 /// Inverse of a symmetric positive definite matrix. Sequential, so that the number of threads does
@@ -250,7 +324,7 @@ fn inverse_positive(mut a: Mat<f64>) -> Result<Mat<f64>> {
 }
 
 /// The product with a symmetric matrix, in blocks of rows.
-fn symmetric_product(a: &Mat<f64>, x: &Mat<f64>) -> Mat<f64> {
+fn symmetric_product(a: MatRef<'_, f64>, x: &Mat<f64>) -> Mat<f64> {
     let (n, dimension) = (a.nrows(), x.ncols());
     let blocks: Vec<Mat<f64>> = (0..n.div_ceil(ROWS))
         .into_par_iter()
@@ -258,7 +332,7 @@ fn symmetric_product(a: &Mat<f64>, x: &Mat<f64>) -> Mat<f64> {
             let rows = ROWS.min(n - block * ROWS);
             let mut out = Mat::zeros(rows, dimension);
             // Columns instead of rows: they lie together in memory.
-            let part = a.as_ref().subcols(block * ROWS, rows).transpose();
+            let part = a.subcols(block * ROWS, rows).transpose();
             matmul(&mut out, Accum::Replace, part, x, 1.0, Par::Seq);
             out
         })
@@ -324,30 +398,28 @@ pub(crate) fn smacof(distances: &[f64], start: Mat<f64>, stop: Stop, swept: impl
 /// [`smacof`] for a problem that has been set up.
 pub(crate) fn descend(problem: &Problem, start: Mat<f64>, steps: Step, stop: Stop, mut swept: impl FnMut()) -> Scaled {
     let mut x = start;
-    let (mut stress, mut b) = problem.evaluate(&x);
+    let (mut stress, mut b, mut vx) = problem.evaluate(&x);
     let mut trace = vec![stress];
     let mut history: VecDeque<Pair> = VecDeque::new();
     // The residual r = X - V^+ B(X) X and V r = V X - B(X) X.
-    let mut vx = symmetric_product(&problem.v, &x);
-    let mut r = plus(&x, -1.0, &symmetric_product(&problem.v_plus, &b));
+    let mut r = plus(&x, -1.0, &symmetric_product(problem.v_plus.as_ref(), &b));
     while trace.len() <= stop.sweeps {
         let mut step = direction(&r, &history);
         let mut next = plus(&x, 1.0, &step);
-        let (mut next_stress, mut next_b) = problem.evaluate(&next);
+        let (mut next_stress, mut next_b, mut next_vx) = problem.evaluate(&next);
         let plain = history.is_empty();
         if !plain && (next_stress.is_nan() || next_stress > stress) {
             history.clear();
             step = direction(&r, &history);
             next = plus(&x, 1.0, &step);
-            (next_stress, next_b) = problem.evaluate(&next);
+            (next_stress, next_b, next_vx) = problem.evaluate(&next);
         }
         swept();
         // A plain step can only fail to lower the stress by rounding.
         if next_stress.is_nan() || next_stress > stress {
             break;
         }
-        let next_vx = symmetric_product(&problem.v, &next);
-        let next_r = plus(&next, -1.0, &symmetric_product(&problem.v_plus, &next_b));
+        let next_r = plus(&next, -1.0, &symmetric_product(problem.v_plus.as_ref(), &next_b));
         let change = plus(&next_r, -1.0, &r);
         let v_change = plus(&plus(&next_vx, -1.0, &next_b), -1.0, &plus(&vx, -1.0, &b));
         let v_step = plus(&next_vx, -1.0, &vx);
@@ -421,11 +493,41 @@ mod tests {
         let problem = Problem::new(&q, 60).unwrap();
         let mut x = start.clone();
         for _ in 0..40 {
-            x = symmetric_product(&problem.v_plus, &problem.evaluate(&x).1);
+            x = symmetric_product(problem.v_plus.as_ref(), &problem.evaluate(&x).1);
         }
         let plain = problem.evaluate(&x).0;
         let scaled = smacof(&q, start, Stop { sweeps: 40, tolerance: 0.0 }, || {}).unwrap();
         assert!(*scaled.stress.last().unwrap() <= plain * (1.0 + 1e-9));
+    }
+
+    #[test]
+    fn the_leading_subspace_of_a_large_matrix_is_that_of_all_eigenvectors() {
+        let n = EXACT + 44;
+        // A torus in space measured along itself: not Euclidean, with negative eigenvalues.
+        let q: Vec<f64> = (0..n * n)
+            .map(|k| {
+                let turn = |i: usize, by: f64| (i as f64 * by).fract();
+                let gap = |by: f64, size: f64| {
+                    let d = (turn(k / n, by) - turn(k % n, by)).abs();
+                    size * d.min(1.0 - d)
+                };
+                gap(0.618034, 3.0).hypot(gap(0.414214, 1.0))
+            })
+            .collect();
+        let start = classical(&q, n, 8).unwrap();
+        let square = |i: usize, j: usize| q[i * n + j] * q[i * n + j];
+        let mean = |i: usize| (0..n).map(|j| square(i, j)).sum::<f64>() / n as f64;
+        let means: Vec<f64> = (0..n).map(mean).collect();
+        let all = means.iter().sum::<f64>() / n as f64;
+        let gram = Mat::from_fn(n, n, |i, j| -0.5 * (square(i, j) - means[i] - means[j] + all));
+        let (values, vectors) = eigenpairs(gram.as_ref()).unwrap();
+        assert!(values[n - 1] < -0.01 * values[0], "{}", values[n - 1]);
+        let exact = Mat::from_fn(n, 8, |i, k| vectors[(i, k)] * values[k].max(0.0).sqrt());
+        let stress = |x: &Mat<f64>| Problem::new(&q, n).unwrap().evaluate(x).0;
+        assert!(stress(&start) < 1.02 * stress(&exact), "{} {}", stress(&start), stress(&exact));
+        // A column alone has more.
+        let one = Mat::from_fn(n, 8, |i, k| if k < 1 { exact[(i, k)] } else { 0.0 });
+        assert!(stress(&one) > 1.02 * stress(&exact));
     }
 
     #[test]
