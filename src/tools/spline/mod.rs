@@ -130,6 +130,7 @@ pub struct SurfaceCurve {
     pub spans: usize,
     /// Times every span was halved.
     pub levels: u32,
+    length: f64,
 }
 
 impl SurfaceCurve {
@@ -138,9 +139,11 @@ impl SurfaceCurve {
         self.runs.iter().flatten()
     }
 
-    /// Length of all segments.
+    /// Length of all segments, summed in the frame of the mesh: far from the origin the rounding of
+    /// the [positions](CurvePoint::position) lengthens each of the many short segments beside a
+    /// jump.
     pub fn length(&self) -> f64 {
-        self.runs.iter().flat_map(|r| r.windows(2)).map(|w| w[0].position.distance(w[1].position)).sum()
+        self.length
     }
 
     /// Points for which there was no Phong projection.
@@ -209,6 +212,7 @@ impl<'a> SplineSurface<'a> {
                 closed: layout.closed && trace.runs.len() == 1,
                 spans: layout.spans(),
                 levels,
+                length: trace.length(),
             }
         }))
     }

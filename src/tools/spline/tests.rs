@@ -196,6 +196,28 @@ fn the_two_evaluations_agree_where_control_points_are_near_and_not_where_they_ar
 }
 
 #[test]
+fn a_curve_is_as_long_far_from_the_origin() {
+    // Coordinates in steps of 2^-20, so that a shift by 2^24 is exact.
+    let grid = f64::from(1 << 20);
+    let mut mesh = lobed_sphere(3, 0.3);
+    mesh.positions.iter_mut().for_each(|p| *p = (*p * grid).round() / grid);
+    let near = Model::new(mesh);
+    let mut mesh = near.mesh.clone();
+    mesh.positions.iter_mut().for_each(|p| *p += f64::from(1 << 24));
+    let far = Model::new(mesh);
+    let controls = near.around(5, 0.9);
+    let options = SplineOptions { closed: true, ..SplineOptions::default() };
+    let [a, b] = [&near, &far].map(|m| SplineSurface::new(m.shape()).unwrap().trace(&controls, &options).unwrap());
+    assert_eq!(a.length(), b.length());
+    // The places themselves are rounded there.
+    let chords = |c: &SurfaceCurve| -> f64 {
+        c.runs.iter().flat_map(|r| r.windows(2)).map(|w| w[0].position.distance(w[1].position)).sum()
+    };
+    assert!((chords(&a) - a.length()).abs() < 1e-12 * a.length(), "{} {}", chords(&a), a.length());
+    assert!((chords(&b) - b.length()).abs() > 1e-10 * a.length(), "{} {}", chords(&b), b.length());
+}
+
+#[test]
 fn bad_input_is_named() {
     let model = Model::new(lobed_sphere(2, 0.3));
     let surface = SplineSurface::new(model.shape()).unwrap();

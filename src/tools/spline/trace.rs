@@ -46,6 +46,13 @@ pub(super) struct Trace {
     pub(super) jumps: Vec<Jump>,
 }
 
+impl Trace {
+    /// Length of all segments.
+    pub(super) fn length(&self) -> f64 {
+        self.runs.iter().flat_map(|r| r.windows(2)).map(|w| w[0].position.distance(w[1].position)).sum()
+    }
+}
+
 /// Traces a curve: at least `samples` intervals of equal length in the parameter, flat to
 /// `tolerance` (a length), each segment within a triangle. Jumps are bridged over the surface where
 /// that is possible.
