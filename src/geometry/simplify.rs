@@ -260,34 +260,21 @@ impl<'a> Collapser<'a> {
         }
         let faces = &self.around[from as usize];
         let target = self.positions[to as usize];
-        // Link condition: the common neighbours are the opposite corners of the faces at the edge.
-        let at_edge = faces.iter().filter(|&&f| self.triangles[f as usize].contains(&to)).count();
         let far = &self.around[to as usize];
         if far.len() > MANY {
             return None;
         }
-        let common =
-            ring.iter().filter(|&&w| w != to && far.iter().any(|&f| self.triangles[f as usize].contains(&w))).count();
-        if common != at_edge || faces.len() == at_edge {
-            return None;
-        }
-        if self.longest_edge.is_finite()
-            && ring.iter().any(|&w| w != to && self.positions[w as usize].distance(target) > self.longest_edge)
-        {
-            return None;
-        }
-        // A fold onto an existing face (the last step of a tetrahedron) needs two common neighbours
-        // in the only face that is kept.
-        let only = faces.len() - at_edge == 1 && common == 2;
+        // What rules most candidates out comes first: a change of earlier collapses, then a normal.
         let removed = |f: &&u32| self.triangles[**f as usize].contains(&to);
-        let before = faces.iter().filter(removed).map(|&f| self.turned[f as usize]).fold(0.0, f64::max);
-        let mut cost = before;
+        let turned = |f: &u32| self.turned[*f as usize];
+        let before = faces.iter().filter(removed).map(turned).fold(0.0, f64::max);
+        let mut cost = faces.iter().map(turned).fold(before, f64::max);
+        if rounded(cost) > limit {
+            return None;
+        }
+        let moved = |f: u32| self.triangles[f as usize].map(|w| if w == from { to } else { w });
         for &f in faces.iter().filter(|f| !removed(f)) {
-            let t = self.triangles[f as usize].map(|w| if w == from { to } else { w });
-            if only && far.iter().any(|&g| self.triangles[g as usize].iter().all(|w| t.contains(w))) {
-                return None;
-            }
-            let [a, b, c] = t.map(|w| self.positions[w as usize]);
+            let [a, b, c] = moved(f).map(|w| self.positions[w as usize]);
             let normal = (b - a).cross(c - a).try_normalize()?;
             let old = self.normals[f as usize];
             if normal.dot(old) <= 0.0 {
@@ -295,6 +282,26 @@ impl<'a> Collapser<'a> {
             }
             cost = cost.max(before.max(self.turned[f as usize]) + normal.distance(old));
             if rounded(cost) > limit {
+                return None;
+            }
+        }
+        if self.longest_edge.is_finite()
+            && ring.iter().any(|&w| w != to && self.positions[w as usize].distance(target) > self.longest_edge)
+        {
+            return None;
+        }
+        // Link condition: the common neighbours are the opposite corners of the faces at the edge.
+        let at_edge = faces.iter().filter(removed).count();
+        let common =
+            ring.iter().filter(|&&w| w != to && far.iter().any(|&f| self.triangles[f as usize].contains(&w))).count();
+        if common != at_edge || faces.len() == at_edge {
+            return None;
+        }
+        // A fold onto an existing face (the last step of a tetrahedron) needs two common neighbours
+        // in the only face that is kept.
+        if faces.len() - at_edge == 1 && common == 2 {
+            let folds = |t: [u32; 3]| far.iter().any(|&g| self.triangles[g as usize].iter().all(|w| t.contains(w)));
+            if faces.iter().filter(|f| !removed(f)).any(|&f| folds(moved(f))) {
                 return None;
             }
         }
