@@ -173,18 +173,21 @@ impl Geodesics {
 
     /// Distances between all pairs of `sources`, row-major; row i comes from the march that starts
     /// at source i, so that the matrix is symmetric only up to the marching error. Parallel over
-    /// sources. A source that does not exist is infinitely far from all.
-    pub fn matrix(&self, sources: &[u32], done: impl Fn() + Sync) -> Vec<f64> {
-        let rows: Vec<Vec<f64>> = sources
+    /// sources. A source that does not exist is infinitely far from all. `done` hears of every row.
+    ///
+    /// # Errors
+    /// Those of `done`, which end the marches.
+    pub fn matrix(&self, sources: &[u32], done: impl Fn() -> Result<()> + Sync) -> Result<Vec<f64>> {
+        let rows: Result<Vec<Vec<f64>>> = sources
             .par_iter()
             .map_init(March::default, |march, &source| {
                 self.distances_from(source, march);
-                done();
+                done()?;
                 let distance = |s: &u32| march.distances.get(*s as usize).copied().unwrap_or(f64::INFINITY);
-                sources.iter().map(distance).collect()
+                Ok(sources.iter().map(distance).collect())
             })
             .collect();
-        rows.concat()
+        Ok(rows?.concat())
     }
 }
 

@@ -121,6 +121,14 @@ fn correspondences_and_transfers_end() {
 }
 
 #[test]
+fn embeddings_end() {
+    let mesh = icosphere(1.0, 4);
+    let topology = Topology::new(&mesh);
+    let options = EmbeddingOptions { landmarks: 200, ..EmbeddingOptions::default() };
+    ends_anywhere("an embedding", 200, || Ok(Embedding::compute(&mesh, &topology, &options, &Quiet)?.points));
+}
+
+#[test]
 fn anchors_and_remeshing_end() {
     let sphere = sphere();
     let options = AnchorOptions { connectivity: false, ..AnchorOptions::default() };

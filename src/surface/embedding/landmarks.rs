@@ -7,6 +7,8 @@ use web_time::Instant;
 
 use super::parts::Part;
 use super::{EmbeddingOptions, Sampling, Seconds};
+use crate::control;
+use crate::error::Result;
 use crate::geometry::sampling::farthest_points;
 use crate::geometry::{Geodesics, SimplifyOptions, simplify};
 use crate::progress::Progress;
@@ -69,7 +71,7 @@ pub(crate) fn choose(
     options: &EmbeddingOptions,
     seconds: &mut Seconds,
     progress: &dyn Progress,
-) -> Landmarks {
+) -> Result<Landmarks> {
     let clock = Instant::now();
     progress.stage("simplification", 1);
     let mid = MidLevel::new(part, count, options);
@@ -87,9 +89,10 @@ pub(crate) fn choose(
     };
     seconds.sampling += clock.elapsed().as_secs_f64();
     let clock = Instant::now();
-    let distances = distances(&geodesics, &chosen, progress);
+    control::check()?;
+    let distances = distances(&geodesics, &chosen, progress)?;
     seconds.geodesics += clock.elapsed().as_secs_f64();
-    Landmarks { vertices: chosen.into_iter().map(|v| mid.vertices[v as usize]).collect(), distances }
+    Ok(Landmarks { vertices: chosen.into_iter().map(|v| mid.vertices[v as usize]).collect(), distances })
 }
 
 /// The distances between landmarks that [`choose`] gave for the same part, `count` and options,
@@ -100,25 +103,29 @@ pub(crate) fn measure(
     landmarks: &[u32],
     options: &EmbeddingOptions,
     progress: &dyn Progress,
-) -> Option<Vec<f64>> {
+) -> Result<Option<Vec<f64>>> {
     let mid = MidLevel::new(part, count, options);
     let own: HashMap<u32, u32> = mid.vertices.iter().enumerate().map(|(i, &v)| (v, i as u32)).collect();
     let chosen: Option<Vec<u32>> = landmarks.iter().map(|v| own.get(v).copied()).collect();
-    Some(distances(&mid.geodesics(), &chosen?, progress))
+    chosen.map(|chosen| distances(&mid.geodesics(), &chosen, progress)).transpose()
 }
 
 /// The symmetric matrix of the distances between vertices.
-fn distances(geodesics: &Geodesics, chosen: &[u32], progress: &dyn Progress) -> Vec<f64> {
+fn distances(geodesics: &Geodesics, chosen: &[u32], progress: &dyn Progress) -> Result<Vec<f64>> {
     progress.stage("geodesic distances", chosen.len() as u64);
-    let raw = geodesics.matrix(chosen, || progress.advance(1));
+    let here = control::current();
+    let raw = geodesics.matrix(chosen, || {
+        progress.advance(1);
+        here.check()
+    })?;
     let m = chosen.len();
     let largest = raw.iter().copied().fold(0.0, f64::max);
-    (0..m * m)
+    Ok((0..m * m)
         .map(|k| {
             let (i, j) = (k / m, k % m);
             if i == j { 0.0 } else { (0.5 * (raw[k] + raw[j * m + i])).max(LEAST_DISTANCE * largest) }
         })
-        .collect()
+        .collect())
 }
 
 /// The vertices that simplification to `count` leaves over.

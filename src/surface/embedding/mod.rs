@@ -18,6 +18,7 @@ use web_time::Instant;
 pub use cache::{ALGORITHM_VERSION, cache_key};
 pub use rescaling::Rescaling;
 
+use crate::control;
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, Topology};
 use crate::progress::{Progress, Quiet};
@@ -220,12 +221,13 @@ fn embed_part(
     progress: &dyn Progress,
 ) -> Result<PartEmbedding> {
     let dimension = options.dimension;
-    let marks = landmarks::choose(part, count, options, seconds, progress);
+    let marks = landmarks::choose(part, count, options, seconds, progress)?;
     let m = marks.vertices.len();
     let clock = Instant::now();
     progress.stage("multidimensional scaling", options.sweeps as u64);
     let start = scaling::classical(&marks.distances, m, dimension)?;
     let stop = scaling::Stop { sweeps: options.sweeps, tolerance: options.tolerance };
+    control::check()?;
     let scaled = scaling::smacof(&marks.distances, start, stop, || progress.advance(1))?;
     seconds.scaling += clock.elapsed().as_secs_f64();
     let clock = Instant::now();

@@ -81,7 +81,7 @@ impl<'a> Rescaling<'a> {
         }
         let mut components = Vec::with_capacity(parts.len());
         for ((part, count), (landmarks, first)) in parts.iter().zip(counts).zip(own) {
-            let distances = landmarks::measure(part, count, &landmarks, options, progress)
+            let distances = landmarks::measure(part, count, &landmarks, options, progress)?
                 .ok_or_else(|| other("its landmarks were chosen with other options"))?;
             let problem = Problem::new(&distances, landmarks.len())?;
             components.push(Component { landmarks, first, problem });
@@ -117,7 +117,7 @@ impl<'a> Rescaling<'a> {
             let middle: Vec<f64> =
                 (0..dimension).map(|k| rows.iter().skip(k).step_by(dimension).sum::<f64>() / m as f64).collect();
             let begin = Mat::from_fn(m, dimension, |i, k| (rows[i * dimension + k] - middle[k]) / self.unit);
-            let scaled = descend(&c.problem, begin, Step::Plain, stop, || progress.advance(1));
+            let scaled = descend(&c.problem, begin, Step::Plain, stop, || progress.advance(1))?;
             let targets: Vec<f64> = (0..m * dimension).map(|k| scaled.points[(k / dimension, k % dimension)]).collect();
             let points =
                 least_squares::least_squares_mesh(&part.positions, &part.triangles, &c.landmarks, &targets, dimension)?;

@@ -5,6 +5,7 @@ use glam::DVec3;
 use super::extremities::{Extremity, extremities};
 use super::propose::Couple;
 use super::register::mismatch_of;
+use crate::control;
 use crate::error::{Error, Result};
 use crate::geometry::{Geodesics, SurfacePoint};
 use crate::surface::AnchorPairs;
@@ -50,15 +51,16 @@ struct Tips {
 }
 
 impl Tips {
-    fn new(couple: &Couple<'_>, side: usize) -> Self {
+    fn new(couple: &Couple<'_>, side: usize) -> Result<Self> {
         let side = &couple.sides[side];
         let geodesics = Geodesics::of(&side.positions, &side.triangles);
         let mut tips = extremities(side, &geodesics);
         tips.retain(|t| t.height >= LIMB);
         tips.truncate(LIMBS);
         let vertices: Vec<u32> = tips.iter().map(|t| t.vertex).collect();
-        let distance = geodesics.matrix(&vertices, || ());
-        Self { tips, distance }
+        let here = control::current();
+        let distance = geodesics.matrix(&vertices, || here.check())?;
+        Ok(Self { tips, distance })
     }
 
     fn between(&self, i: usize, j: usize) -> f64 {
@@ -77,7 +79,7 @@ impl Tips {
 /// # Errors
 /// [`Error::Unusable`] if either surface has fewer than four limbs, or no assignment fits.
 pub(super) fn match_tips(couple: &Couple<'_>) -> Result<Seedless> {
-    let (source, target) = (Tips::new(couple, 0), Tips::new(couple, 1));
+    let (source, target) = (Tips::new(couple, 0)?, Tips::new(couple, 1)?);
     for (tips, shape) in [(&source, couple.shapes[0]), (&target, couple.shapes[1])] {
         if tips.tips.len() < FEWEST {
             return Err(Error::unusable(

@@ -17,6 +17,7 @@ use faer::Mat;
 pub(crate) use classical::classical;
 pub(crate) use problem::Problem;
 
+use crate::control;
 use crate::error::Result;
 
 /// Pairs of steps the quasi-Newton directions are made of.
@@ -119,11 +120,17 @@ fn direction(residual: WithV, history: &VecDeque<Pair>) -> WithV {
 /// 4, 8, 12 or 16 columns. `swept` is called after each sweep. A sweep costs O(n^2 D), the set-up
 /// O(n^3).
 pub(crate) fn smacof(distances: &[f64], start: Mat<f64>, stop: Stop, swept: impl FnMut()) -> Result<Scaled> {
-    Ok(descend(&Problem::new(distances, start.nrows())?, start, Step::Combined, stop, swept))
+    descend(&Problem::new(distances, start.nrows())?, start, Step::Combined, stop, swept)
 }
 
 /// [`smacof`] for a problem that has been set up.
-pub(crate) fn descend(problem: &Problem, start: Mat<f64>, steps: Step, stop: Stop, mut swept: impl FnMut()) -> Scaled {
+pub(crate) fn descend(
+    problem: &Problem,
+    start: Mat<f64>,
+    steps: Step,
+    stop: Stop,
+    mut swept: impl FnMut(),
+) -> Result<Scaled> {
     let mut x = start;
     let (mut stress, b) = problem.evaluate(&x);
     let mut trace = vec![stress];
@@ -136,6 +143,7 @@ pub(crate) fn descend(problem: &Problem, start: Mat<f64>, steps: Step, stop: Sto
     };
     let mut r = residual(&x, &vx, &b);
     while trace.len() <= stop.sweeps {
+        control::check()?;
         let mut step = direction(r.clone(), &history);
         let mut next = plus(&x, 1.0, &step.x);
         let (mut next_stress, mut next_b) = problem.evaluate(&next);
@@ -167,7 +175,7 @@ pub(crate) fn descend(problem: &Problem, start: Mat<f64>, steps: Step, stop: Sto
             break;
         }
     }
-    Scaled { points: x, stress: trace }
+    Ok(Scaled { points: x, stress: trace })
 }
 
 #[cfg(test)]
