@@ -1,7 +1,7 @@
 //! How soon long work ends after it was cancelled: `cargo bench --bench control`.
 //!
-//! Each job runs once to its end and is then cancelled by another thread at nine moments spread over
-//! that time; the table has the longest wait between the call and the error.
+//! Each job runs once to its end and is then cancelled by another thread at nine moments spread
+//! over that time; the table has the longest wait between the call and the error.
 
 use std::time::{Duration, Instant};
 

@@ -1,4 +1,5 @@
-// Lists the points that kernels of the map left to the reference, in any order: the host sorts them.
+// Lists the points that kernels of the map left to the reference, in any order: the host sorts
+// them.
 
 //#import lib/span
 //#import lib/image

@@ -1,5 +1,6 @@
-// Whether the image of a point can be trusted, from what its projections found, and that image to its
-// place. What the projections left is marked, for the reference. Reference and explanation: surface::gpu::judge_image.
+// Whether the image of a point can be trusted, from what its projections found, and that image to
+// its place. What the projections left is marked, for the reference. Reference and explanation:
+// surface::gpu::judge_image.
 
 //#import lib/none
 //#import lib/span

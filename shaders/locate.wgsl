@@ -14,7 +14,8 @@
 @group(0) @binding(2) var<storage, read> texels: array<vec4u>;
 @group(0) @binding(3) var<storage, read> images: array<PackedImage>;
 // Of each texel of the rows from span.place on: position and first texture coordinate; second one,
-// triangle, chart, chart of the target; area and steps that a texel of the target has on the source.
+// triangle, chart, chart of the target; area and steps that a texel of the target has on the
+// source.
 @group(0) @binding(4) var<storage, read_write> located: array<vec4u>;
 @group(0) @binding(5) var<storage, read> runs: array<u32>;
 // tables::SourceTriangle, six texels; tables::TargetTriangle, one.

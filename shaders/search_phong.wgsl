@@ -40,8 +40,8 @@ fn admits(face: u32, y: Vector) -> bool {
 
 @compute @workgroup_size(GROUP)
 fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    // Few points are left: an invocation for each would mostly find none, and a software device does
-    // the work of a masked lane all the same.
+    // Few points are left: an invocation for each would mostly find none, and a software device
+    // does the work of a masked lane all the same.
     for (var item = invocation(span, id); item < list[0]; item += groups.x * groups.y * GROUP) {
         search(list[item + 1u]);
     }

@@ -1,10 +1,10 @@
 //! Ending long work before its end.
 //!
-//! Work that runs inside [`Control::run`] ends with [`Error::Cancelled`] soon after [`Control::cancel`]
-//! was called, from any thread. The loops of this library look at the control of their thread
-//! between bands, sweeps, stages and slices of a device's work; what is not finished is dropped. A
-//! control is not handed from function to function: everything below `run` on its thread is under it,
-//! and parallel parts take it along.
+//! Work that runs inside [`Control::run`] ends with [`Error::Cancelled`] soon after
+//! [`Control::cancel`] was called, from any thread. The loops of this library look at the control
+//! of their thread between bands, sweeps, stages and slices of a device's work; what is not
+//! finished is dropped. A control is not handed from function to function: everything below `run`
+//! on its thread is under it, and parallel parts take it along.
 //!
 //! ```
 //! use barymap::control::Control;

@@ -62,7 +62,8 @@
 //! - [`mod@encoding`], mean-value geometry encoding (Kraevoy, Sheffer 2006)
 //! - [`mod@tools`], what users do: transfer, coverage, pictures
 //! - [`mod@engine`], adapters and kernels
-//! - [`mod@desk`], shapes from files with their embeddings, pairs found on them, the choice of a method
+//! - [`mod@desk`], shapes from files with their embeddings, pairs found on them, the choice of a
+//!   method
 //! - [`mod@conformance`], every kernel on a device beside its reference
 //! - [`mod@control`], work that is ended before its end
 //! - [`mod@io`], files

@@ -2,7 +2,8 @@
 //!
 //! A constant of a shader names its twin in the comment above it, as `module::NAME`; constants that
 //! follow it without a comment of their own belong to the same module. The tables beside the
-//! kernels say the same in Rust. This test holds both against the values that the kernels compile to.
+//! kernels say the same in Rust. This test holds both against the values that the kernels compile
+//! to.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;

@@ -7,8 +7,8 @@ struct Projected {
     b1: f32,
     // From the reference to the projection.
     distance_squared: f32,
-    // How it was found, in the bits of HOW; where it is LEFT, also whether the walk found a root all
-    // the same (ASTRAY), and the vertex that the walk over vertices ended at, times VERTEX.
+    // How it was found, in the bits of HOW; where it is LEFT, also whether the walk found a root
+    // all the same (ASTRAY), and the vertex that the walk over vertices ended at, times VERTEX.
     found: u32,
 }
 

@@ -9,8 +9,8 @@ struct Span {
     first: u32,
     end: u32,
     row: u32,
-    // In dispatches over rows: where the first row is kept. Over runs: the first row of what is read or
-    // written row after row.
+    // In dispatches over rows: where the first row is kept. Over runs: the first row of what is
+    // read or written row after row.
     place: u32,
 }
 

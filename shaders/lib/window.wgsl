@@ -1,4 +1,5 @@
-// Rows of a picture whose texels are on the device. Twin: tools::transfer::gpu::window::WindowParams.
+// Rows of a picture whose texels are on the device. Twin:
+// tools::transfer::gpu::window::WindowParams.
 
 struct WindowParams {
     // Texels of a row, and rows of the picture.

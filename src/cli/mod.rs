@@ -160,11 +160,11 @@ fn as_option(error: Error) -> Error {
 }
 
 /// Runs the command line `arguments`, the first of which is the name of the program, as its `main`
-/// would: results go to files and stdout, notes and errors to stderr. Signals that end a program are
-/// handled from then on in the whole process, so that nothing half written stays.
+/// would: results go to files and stdout, notes and errors to stderr. Signals that end a program
+/// are handled from then on in the whole process, so that nothing half written stays.
 ///
-/// The exit code is 0 for success and for help, 2 for wrong use, 3 where nothing usable was written,
-/// 4 where some of several results failed, 1 for other faults.
+/// The exit code is 0 for success and for help, 2 for wrong use, 3 where nothing usable was
+/// written, 4 where some of several results failed, 1 for other faults.
 pub fn run<T: Into<OsString> + Clone>(arguments: impl IntoIterator<Item = T>) -> ExitCode {
     if let Err(error) = interrupt::handle_signals() {
         common::note(&format!("interrupts are not handled: {error}"));

@@ -1,5 +1,6 @@
 //! The desk: shapes with all that is known of them, pairs found on them, the choice of a method,
-//! textures by role and material, and the names of what is written. What a window, a script and the command line share.
+//! textures by role and material, and the names of what is written. What a window, a script and the
+//! command line share.
 //!
 //! Data in: files or meshes, anchors as they were written. Data out: a map between two owned
 //! [`Subject`]s, and sentences for the user, which the caller shows as it likes. Nothing here

@@ -77,8 +77,8 @@ const HARMLESS: f64 = 1e-10;
 const ITERATIONS: usize = 30;
 
 impl Decoder {
-    /// Decodes `frames` in order and hands those numbered `wanted` to `sink`, which may end the work
-    /// with an error. `start` is as in [`Decoder::decode`], for each frame.
+    /// Decodes `frames` in order and hands those numbered `wanted` to `sink`, which may end the
+    /// work with an error. `start` is as in [`Decoder::decode`], for each frame.
     ///
     /// A frame whose held vertices are where they were gives the shape of the frame before, bit for
     /// bit. Wanted frames are those of a run that wants all, bit for bit: of frames before them the

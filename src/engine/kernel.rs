@@ -97,8 +97,8 @@ pub struct Span {
     pub end: u32,
     /// Invocations in one row of workgroups.
     pub row: u32,
-    /// In dispatches over rows: where the first row is kept. Over runs of texels: the first row of what
-    /// is read or written row after row.
+    /// In dispatches over rows: where the first row is kept. Over runs of texels: the first row of
+    /// what is read or written row after row.
     pub place: u32,
 }
 

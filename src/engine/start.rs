@@ -38,13 +38,13 @@ impl fmt::Display for Description {
 impl Engine {
     /// An engine as the options ask for.
     ///
-    /// `Auto` takes the best hardware adapter; where there is none, or it cannot be started, the CPU
-    /// does the work and [`Engine::note`] says so. A software adapter is taken by `Gpu` or by its
-    /// name. An adapter asked for by name must exist.
+    /// `Auto` takes the best hardware adapter; where there is none, or it cannot be started, the
+    /// CPU does the work and [`Engine::note`] says so. A software adapter is taken by `Gpu` or by
+    /// its name. An adapter asked for by name must exist.
     ///
     /// # Errors
-    /// [`Error::NoAdapter`](crate::Error::NoAdapter) if a named adapter, or for `Gpu` any adapter, is missing;
-    /// [`Error::Device`](crate::Error::Device) if it cannot be started.
+    /// [`Error::NoAdapter`](crate::Error::NoAdapter) if a named adapter, or for `Gpu` any adapter,
+    /// is missing; [`Error::Device`](crate::Error::Device) if it cannot be started.
     ///
     /// # Examples
     /// ```

@@ -1,5 +1,5 @@
-//! An animation for the meshes of a scene: morph targets behind those that they have, and a track of
-//! their weights.
+//! An animation for the meshes of a scene: morph targets behind those that they have, and a track
+//! of their weights.
 
 use glam::{DMat3, Vec3};
 use serde_json::{Value, json};

@@ -33,8 +33,8 @@ use crate::geometry::{Corner, MeshBuilder, NONE, weld};
 /// Reads a `.gltf` or `.glb` file with its buffers. O(file size) time and memory.
 ///
 /// # Errors
-/// [`crate::Error::Io`], or [`crate::Error::Format`]: damaged data, an extension that is required and
-/// not known, no triangles.
+/// [`crate::Error::Io`], or [`crate::Error::Format`]: damaged data, an extension that is required
+/// and not known, no triangles.
 pub fn read_gltf(path: impl AsRef<Path>) -> Result<LoadedMesh> {
     read_gltf_with(path.as_ref(), &ReadOptions::default())
 }

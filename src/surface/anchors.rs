@@ -46,7 +46,8 @@ impl AnchorPairs {
     /// anchors, components with no anchor).
     ///
     /// # Errors
-    /// For no pairs, unequal counts, a point that is not on its mesh, or the adjacency of another mesh.
+    /// For no pairs, unequal counts, a point that is not on its mesh, or the adjacency of another
+    /// mesh.
     pub fn check(&self, source: (&Mesh, &Topology), target: (&Mesh, &Topology)) -> Result<Vec<String>> {
         if self.source.len() != self.target.len() {
             return Err(Error::input(

@@ -313,8 +313,8 @@ mod tests {
                 assert_eq!(long.search(&to, reach, 0.0, |_| 0.0), 0);
             }
         }
-        // By brute force they were four millions each. Where the whole rim is about equally far most
-        // has to be looked at.
+        // By brute force they were four millions each. Where the whole rim is about equally far
+        // most has to be looked at.
         assert!(looks[0] + looks[1] + looks[2] < 500_000 && looks[1] < 100_000, "{looks:?}");
     }
 

@@ -133,7 +133,8 @@ pub trait PointMap: Sync {
     }
 }
 
-/// What speaks against points of the target whatever their evidence: bits for each of its triangles.
+/// What speaks against points of the target whatever their evidence: bits for each of its
+/// triangles.
 #[derive(Clone, Copy)]
 pub struct Doubts<'a>(pub &'a (dyn Fn(u32) -> u32 + Sync));
 

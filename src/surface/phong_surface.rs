@@ -66,8 +66,8 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
     /// unused. O(F D).
     ///
     /// # Errors
-    /// If there is not one row a vertex, a used vertex has a point that is not finite, or no triangle is
-    /// usable.
+    /// If there is not one row a vertex, a used vertex has a point that is not finite, or no
+    /// triangle is usable.
     pub fn new(topology: &Topology, points: &[f64]) -> Result<Self> {
         let n = topology.vertex_count();
         if points.len() != n * D {

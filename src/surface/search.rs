@@ -174,8 +174,8 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
         }
     }
 
-    /// Calls `visit` with `t`, a triangle of the fan of `v`, and with as many on both sides of it as
-    /// make [`LONGEST`] together, or as there are until the fan ends.
+    /// Calls `visit` with `t`, a triangle of the fan of `v`, and with as many on both sides of it
+    /// as make [`LONGEST`] together, or as there are until the fan ends.
     fn beside(&self, v: u32, t: u32, mut visit: impl FnMut(u32)) {
         visit(t);
         // Leaving a triangle across the edge that is opposite to one of its outer vertices.

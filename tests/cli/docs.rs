@@ -1,8 +1,8 @@
 //! The commands of the documentation run as they stand.
 //!
 //! Each page is a session of its own: its blocks of `sh` run in the order of the page, in an empty
-//! folder after `barymap demo`. A block that needs more says so (`sh no-run: needs ...`); the README
-//! has none.
+//! folder after `barymap demo`. A block that needs more says so (`sh no-run: needs ...`); the
+//! README has none.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

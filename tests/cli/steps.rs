@@ -282,8 +282,8 @@ fn a_transfer_on_a_device_brings_back_its_result_and_no_more() {
     for kernel in ["locate", "store_texel", "tally"] {
         assert!(r["device_stages"].as_array().unwrap().iter().any(|s| s == kernel), "{}", r["device_stages"]);
     }
-    // A kernel that stays on the CPU lets texels return, and the result is the same but for a step of
-    // a sample here and there.
+    // A kernel that stays on the CPU lets texels return, and the result is the same but for a step
+    // of a sample here and there.
     f.run(&format!("{job} -o h.png --report h.json --host locate")).succeeds();
     let h = f.json("h.json");
     assert!(!h["device_stages"].as_array().unwrap().iter().any(|s| s == "locate"), "{}", h["device_stages"]);

@@ -64,7 +64,8 @@ fn ours(mesh: &Mesh) -> Vec<Face> {
 }
 
 /// The first difference, in words. A number read in single precision and one read in double and
-/// then rounded differ by a unit in the last place at most; `tobj` has materials of a library alone.
+/// then rounded differ by a unit in the last place at most; `tobj` has materials of a library
+/// alone.
 fn difference(ours: &[Face], theirs: &[Face]) -> Option<String> {
     let near = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= f32::EPSILON * a.abs());
     if ours.len() != theirs.len() {

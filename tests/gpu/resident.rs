@@ -50,8 +50,8 @@ impl Job {
         correspondence_on(engine, source, target, &self.scene.anchors, &options).unwrap().0
     }
 
-    /// Colours alone, of all depths: one picture, and two of which one shows on every third triangle
-    /// and the other on none of every fifth.
+    /// Colours alone, of all depths: one picture, and two of which one shows on every third
+    /// triangle and the other on none of every fifth.
     fn colours(&self) -> Vec<Layer<'_>> {
         let pictures = |k: &[usize]| -> Vec<&Image> { k.iter().map(|&i| &self.images[i]).collect() };
         let of = |t: u32| if t % 5 == 4 { NONE } else { u32::from(t.is_multiple_of(3)) };

@@ -367,7 +367,8 @@ impl<'p> Job<'_, 'p> {
         }
         self.notes(session, &roles, &result);
         let s = &result.stats;
-        // Where texels stay on the device the stages overlap: the whole is what there is to measure.
+        // Where texels stay on the device the stages overlap: the whole is what there is to
+        // measure.
         let stays = s.device_stages.contains(&"locate");
         let counted = |name: &str| name == "map" || (stays && !["prepare", "frames", "mip"].contains(&name));
         let spent: Option<f64> = s.stages.iter().filter(|t| counted(t.name)).map(|t| t.cpu_seconds).sum();

@@ -264,8 +264,8 @@ impl Batch<'_> {
     }
 
     /// Adds a dispatch over the texels of `rows` of a picture that has `width` texels in a row: the
-    /// number of an invocation is its column, and its row counts from `rows.start`. The rows are the
-    /// span's items; `place` goes with the span and says where the first of them is kept.
+    /// number of an invocation is its column, and its row counts from `rows.start`. The rows are
+    /// the span's items; `place` goes with the span and says where the first of them is kept.
     ///
     /// # Errors
     /// As [`Batch::dispatch`].

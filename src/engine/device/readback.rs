@@ -30,7 +30,8 @@ impl Slot {
         Ok(Self { raw, _share, pending: None })
     }
 
-    /// Adds the copies of elements `ranges` of `from`, one after the other; there is room for `most`.
+    /// Adds the copies of elements `ranges` of `from`, one after the other; there is room for
+    /// `most`.
     fn record<T: Pod>(
         &mut self,
         batch: &mut Batch<'_>,

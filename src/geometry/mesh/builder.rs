@@ -11,8 +11,8 @@ const COUNT: &str = "Indices count from 0: correct the index, or give what it na
 
 /// Builds a [`Mesh`] polygon by polygon.
 ///
-/// Indices are checked by [`MeshBuilder::build`]. A reader checks them before, where it has the line
-/// (`io`).
+/// Indices are checked by [`MeshBuilder::build`]. A reader checks them before, where it has the
+/// line (`io`).
 #[derive(Debug, Default)]
 pub struct MeshBuilder {
     /// Positions, texture coordinates, normals, materials and groups are filled in directly.

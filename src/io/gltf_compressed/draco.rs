@@ -129,8 +129,8 @@ fn values(attribute: &PointAttribute, points: usize, component: u32, shape: &str
     Some(bytes)
 }
 
-/// Makes the weights of each vertex, in all sets, sum to one, as the format asks: quantisation takes
-/// that from them.
+/// Makes the weights of each vertex, in all sets, sum to one, as the format asks: quantisation
+/// takes that from them.
 fn share_out(sets: &mut [(usize, Vec<u8>)]) {
     let vertices = sets.iter().map(|s| s.1.len() / 16).min().unwrap_or(0);
     for v in 0..vertices {
@@ -167,7 +167,8 @@ fn fill(document: &mut Document, k: usize, mut bytes: Vec<u8>, component: u32, c
         view["byteLength"] = bytes.len().into();
         view["byteStride"] = aligned.into();
     }
-    // The bounds are those of the numbers before compression, which the decompressed ones may leave.
+    // The bounds are those of the numbers before compression, which the decompressed ones may
+    // leave.
     let floats = |c: usize| bytes.chunks_exact(width).map(move |e| f32_at(e, c));
     let bounds = (component == FLOAT).then(|| {
         let column = |pick: fn(f32, f32) -> f32| -> Vec<f32> {

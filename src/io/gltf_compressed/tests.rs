@@ -53,8 +53,8 @@ fn compressed_files_are_the_plain_one_up_to_their_precision() {
         let loaded = read(bytes);
         assert_eq!(loaded.mesh.triangle_count(), plain.mesh.triangle_count());
         for off in [apart(&loaded.mesh, &plain.mesh), apart(&plain.mesh, &loaded.mesh)] {
-            // 14 bits for positions, 8 for normals and colours, 12 for texture coordinates. gltfpack
-            // says in the material where quantised coordinates lie: here no texture does.
+            // 14 bits for positions, 8 for normals and colours, 12 for texture coordinates.
+            // gltfpack says in the material where quantised coordinates lie: here no texture does.
             let most = [2e-4, 0.02, if k % 2 == 1 { 5e-4 } else { f64::INFINITY }, 0.05];
             assert!(off.iter().zip(most).all(|(off, most)| *off < most), "{name}: {off:?}");
         }

@@ -1,5 +1,5 @@
-//! Host half of the kernel `judge_image`, and its reference: whether the image of a texel's point can
-//! be trusted.
+//! Host half of the kernel `judge_image`, and its reference: whether the image of a texel's point
+//! can be trusted.
 //!
 //! The verdict is that of [`HostMap::judge`](super::HostMap::judge), and of what the map is wrapped
 //! in ([`Doubts`]), in single precision. A confidence is `1 / (1 + r^2)`, `r` being a residual, a
@@ -18,8 +18,8 @@ use crate::surface::packed::{Doubts, PackedImage, PackedPoint, Status};
 use crate::surface::project::Found;
 
 /// What a confidence may be off by in single precision: `|d/dr 1 / (1 + r^2)| r <= 1/2` times the
-/// relative error of `r` (a weighted sum of three drifts whose weights are rounded, a division), and
-/// the roundings of the quotient.
+/// relative error of `r` (a weighted sum of three drifts whose weights are rounded, a division),
+/// and the roundings of the quotient.
 pub const JUDGE_ROUNDING: f32 = 8.0 * f32::EPSILON;
 
 /// Drifts beyond this are no different: their squares stay finite in single precision.

@@ -10,9 +10,9 @@
 //! | `search_phong` | the first level of the search, for what the walks leave | the same |
 //! | `judge_image` | whether an image can be trusted | `judge_image` |
 //!
-//! What they leave, a few points in a thousand, goes through the references. A map takes points from
-//! the host and gives images back to it ([`PointMap`]), or finds images where the points
-//! lie ([`ResidentMap`](crate::surface::packed::ResidentMap)).
+//! What they leave, a few points in a thousand, goes through the references. A map takes points
+//! from the host and gives images back to it ([`PointMap`]), or finds images where the points lie
+//! ([`ResidentMap`](crate::surface::packed::ResidentMap)).
 
 mod average_anchors;
 mod average_stencils;

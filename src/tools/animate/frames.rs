@@ -31,8 +31,8 @@ pub struct FrameFolder {
 }
 
 impl FrameFolder {
-    /// Begins a part of a sequence of `count` frames, from number `first` on, at `place`, which must
-    /// not exist or be an empty folder.
+    /// Begins a part of a sequence of `count` frames, from number `first` on, at `place`, which
+    /// must not exist or be an empty folder.
     ///
     /// # Errors
     /// [`Error::Io`] if it exists with content or its parent cannot be written.

@@ -144,8 +144,8 @@ impl Morpher {
     }
 
     /// The shapes at each of `path`, as [`Morpher::shape`] makes them in this order. The finer
-    /// stages of several in-betweens are solved at once. `sink` receives the shapes in order and may
-    /// end the work with an error.
+    /// stages of several in-betweens are solved at once. `sink` receives the shapes in order and
+    /// may end the work with an error.
     ///
     /// # Errors
     /// As [`Morpher::shape`]; what `sink` returns.
@@ -292,8 +292,8 @@ impl Morpher {
         Ok(())
     }
 
-    /// Decoded positions in the meshes' units; vertices that the hierarchy does not have are blended
-    /// linearly.
+    /// Decoded positions in the meshes' units; vertices that the hierarchy does not have are
+    /// blended linearly.
     fn place(&self, decoded: &[V3<f64>], goal: &Goal) -> Vec<DVec3> {
         let shared = self.centres[0];
         let centre = shared + self.centres.iter().zip(&goal.mean).map(|(c, &w)| (*c - shared) * w).sum::<DVec3>();

@@ -1,5 +1,5 @@
-//! Band after band of a transfer: all of it on the host's initiative, or left to a device from which
-//! the host takes what its own layers need.
+//! Band after band of a transfer: all of it on the host's initiative, or left to a device from
+//! which the host takes what its own layers need.
 
 use std::ops::Range;
 

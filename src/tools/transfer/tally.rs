@@ -1,9 +1,9 @@
 //! What became of the texels: counts, areas, and the coverage picture.
 //!
 //! Rows are cut into runs of [`RUN`] texels, each of which is added up in single precision in the
-//! order of the kernel `tally`: 64 lanes take words of four texels in turn, then the lanes are taken
-//! in order. Runs are added up in double precision. So counts and areas are the same to the last bit
-//! on every back end and for any number of threads.
+//! order of the kernel `tally`: 64 lanes take words of four texels in turn, then the lanes are
+//! taken in order. Runs are added up in double precision. So counts and areas are the same to the
+//! last bit on every back end and for any number of threads.
 
 use bytemuck::{Pod, Zeroable};
 use rayon::prelude::*;

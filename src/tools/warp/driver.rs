@@ -108,10 +108,10 @@ pub struct Evaluations {
 
 /// Warps `image` by `map`: every pixel of the canvas gets the colour of its exact pre-image.
 ///
-/// Pre-images come from [`Patches`](crate::mapping::plane::Patches) of the picture, whose error is bounded, and from Newton's method
-/// on the map itself at the few pixels where it is not. The result is the same for any number of
-/// threads. O(pixels + squares x steps x vertices); there are some thousand squares, more where the
-/// cage has many vertices.
+/// Pre-images come from [`Patches`](crate::mapping::plane::Patches) of the picture, whose error is
+/// bounded, and from Newton's method on the map itself at the few pixels where it is not. The
+/// result is the same for any number of threads. O(pixels + squares x steps x vertices); there are
+/// some thousand squares, more where the cage has many vertices.
 ///
 /// # Errors
 /// [`Error::Option`] for a canvas without pixels or too large; [`Error::Memory`]; [`Error::Input`]

@@ -269,7 +269,8 @@ mod tests {
                         (low, high) = if kept { (low, middle) } else { (middle, high) };
                     }
                     let Some(patch) = Patch::new(DVec2::ZERO, 1.0, &nodes, &held, high) else {
-                        // Beside a vertex a square may be divided whatever it seems; farther off not.
+                        // Beside a vertex a square may be divided whatever it seems; farther off
+                        // not.
                         assert!(k < 2, "{far} {side}");
                         continue;
                     };

@@ -161,7 +161,8 @@ mod tests {
 
     #[test]
     fn directions_do_not_depend_on_roundings() {
-        // Points of a box, two sides of which are alike but for a hundredth, for either way there is.
+        // Points of a box, two sides of which are alike but for a hundredth, for either way there
+        // is.
         for n in [120, EXACT + 44] {
             let turn = |i: usize, by: f64| ((i + 1) as f64 * by).fract();
             let x = Mat::from_fn(n, 3, |i, k| [1.0, 0.99, 0.3][k] * turn(i, [0.618034, 0.414214, 0.732051][k]));

@@ -1,5 +1,5 @@
-//! Host halves of the kernels `coverage_bits` and `copy_padding`: the padding of pictures that are on
-//! a device.
+//! Host halves of the kernels `coverage_bits` and `copy_padding`: the padding of pictures that are
+//! on a device.
 
 use std::sync::Arc;
 
@@ -53,8 +53,8 @@ pub(super) static COPY_PADDING: Kernel = Kernel {
     constants: &[],
 };
 
-/// Records the bits of `covers` (four texels to a word, rows beginning with a word of their own) into
-/// `bits`.
+/// Records the bits of `covers` (four texels to a word, rows beginning with a word of their own)
+/// into `bits`.
 pub(super) fn record_bits(
     gpu: &Gpu,
     batch: &mut Batch<'_>,

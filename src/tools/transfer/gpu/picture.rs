@@ -1,5 +1,5 @@
-//! Pictures of the result on a device: for each layer the pictures that it is sampled from, and where
-//! its texels are stored.
+//! Pictures of the result on a device: for each layer the pictures that it is sampled from, and
+//! where its texels are stored.
 
 use std::ops::Range;
 use std::sync::Arc;

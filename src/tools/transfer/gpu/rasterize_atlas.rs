@@ -262,8 +262,8 @@ fn entries(triangles: usize) -> usize {
 /// Dispatches of one batch at most.
 const MOST_PARTS: usize = 12;
 
-/// The texels of a tile as the parts that one batch dispatches: of [`MOST_VISITS`], or of more where
-/// that makes too many.
+/// The texels of a tile as the parts that one batch dispatches: of [`MOST_VISITS`], or of more
+/// where that makes too many.
 fn few_parts(tile: &Tile, bins: &Bins) -> Vec<Items> {
     let mut visits = MOST_VISITS;
     loop {

@@ -1,10 +1,10 @@
 //! A transfer whose texels, images and pictures stay on a device from stage to stage.
 //!
-//! Rows of texels are rasterised, mapped and judged where they lie; of each band only the few points
-//! that the searches leave come to the host, and their images go back. From then on bands are
-//! coloured, chunk after chunk of rows, into pictures of the result. Whole pictures are padded there
-//! and read once; where they do not fit, or the host fills or pads, their rows come down with the
-//! next band.
+//! Rows of texels are rasterised, mapped and judged where they lie; of each band only the few
+//! points that the searches leave come to the host, and their images go back. From then on bands
+//! are coloured, chunk after chunk of rows, into pictures of the result. Whole pictures are padded
+//! there and read once; where they do not fit, or the host fills or pads, their rows come down with
+//! the next band.
 
 use std::ops::Range;
 
@@ -158,8 +158,8 @@ impl<'a> Resident<'a> {
         Ok(made)
     }
 
-    /// Bytes on the device, and of the host's copies on the way, beside those of bands: of the map's
-    /// tiles, of chunks, and of whole pictures with `words` words a texel in all.
+    /// Bytes on the device, and of the host's copies on the way, beside those of bands: of the
+    /// map's tiles, of chunks, and of whole pictures with `words` words a texel in all.
     pub(in crate::tools::transfer) fn bytes(size: [usize; 2], words: usize, triangles: usize) -> u64 {
         let texels = (size[0] * size[1]) as u64;
         let chunk = size_of::<PointRecord>()
@@ -320,8 +320,8 @@ impl<'a> Resident<'a> {
     }
 
     /// Ends the transfer: pads whole pictures, reads what is still on the device, and gives the
-    /// coverage, row after row, and the sums of the runs. Coverage of padding is marked where pictures
-    /// are padded here.
+    /// coverage, row after row, and the sums of the runs. Coverage of padding is marked where
+    /// pictures are padded here.
     ///
     /// # Errors
     /// [`Error::Memory`] or [`Error::Device`].

@@ -1,9 +1,9 @@
 //! Runs of texels: the parts of rows that lie in bins with triangles. Host half of the kernel
 //! `list_points`.
 //!
-//! About half of an atlas shows nothing. A device works on whole groups of lanes, so that kernels which
-//! take texels one after the other pay for the empty ones as for the others; they take the texels of
-//! runs instead. The host lists runs from the bins that it makes anyway.
+//! About half of an atlas shows nothing. A device works on whole groups of lanes, so that kernels
+//! which take texels one after the other pay for the empty ones as for the others; they take the
+//! texels of runs instead. The host lists runs from the bins that it makes anyway.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -73,8 +73,8 @@ impl Runs {
         self.occupied.mark(bins);
     }
 
-    /// Lists the runs of `rows`, whose bins were marked. What was submitted before still sees the old
-    /// list.
+    /// Lists the runs of `rows`, whose bins were marked. What was submitted before still sees the
+    /// old list.
     ///
     /// # Errors
     /// [`Error::Device`].

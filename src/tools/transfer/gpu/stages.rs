@@ -78,8 +78,8 @@ impl<'a> Stages<'a> {
         self.resident = None;
     }
 
-    /// The transfer on a device, if all its stages run there. `new` makes it, with whole pictures of
-    /// the result if so told.
+    /// The transfer on a device, if all its stages run there. `new` makes it, with whole pictures
+    /// of the result if so told.
     pub(in crate::tools::transfer) fn resident<T>(
         &mut self,
         work: &Work<'_>,

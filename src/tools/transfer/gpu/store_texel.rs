@@ -1,7 +1,8 @@
-//! Host half of the kernels `store_texel` and `fill_background`: pictures of the result on a device.
+//! Host half of the kernels `store_texel` and `fill_background`: pictures of the result on a
+//! device.
 //!
-//! A texel takes whole words there: one of 8-bit samples, one or two of 16-bit samples, one for each
-//! float.
+//! A texel takes whole words there: one of 8-bit samples, one or two of 16-bit samples, one for
+//! each float.
 
 use std::sync::{Arc, LazyLock};
 
@@ -173,7 +174,8 @@ pub(super) struct Store {
     _params: UniformBlocks<StoreParams>,
 }
 
-/// Parameters of the kernel `fill_background`; twin of the struct in `shaders/fill_background.wgsl`.
+/// Parameters of the kernel `fill_background`; twin of the struct in
+/// `shaders/fill_background.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct BackgroundParams {
