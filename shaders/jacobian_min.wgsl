@@ -1,6 +1,6 @@
-// The smallest Jacobian of a step over a few neighbouring pixels of the raster of its polygon.
-// Reference: mapping::plane::jacobian_min; what several pixels of one piece give is compared in
-// order, the pieces by the host.
+// The smallest Jacobian of a step over a few neighbouring pixels of the raster of its polygon. Each
+// invocation takes the minimum of one piece, in pixel order; the host takes the minimum of the
+// pieces. Reference: mapping::plane::jacobian_min.
 
 //#import lib/span
 //#import lib/corners

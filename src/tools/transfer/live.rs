@@ -126,8 +126,9 @@ impl<'a> LiveTransfer<'a> {
         Ok(live)
     }
 
-    /// Lets the texture follow `map` where it changed: on these triangles of the target, in any
-    /// order. `map` must be what it was elsewhere, and [`LiveTransfer::new`]'s to the same source.
+    /// Updates the texels of these triangles of the target, in any order, from `map`. Outside them
+    /// `map` must not have changed, and it must lead to the source that [`LiveTransfer::new`] was
+    /// given.
     ///
     /// O(texels of the triangles), and of the charts' borders if texels gained or lost their
     /// colour.
