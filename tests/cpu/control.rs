@@ -56,8 +56,8 @@ fn work_that_does_not_look_is_noticed() {
 #[test]
 #[should_panic(expected = "goes on at check 2")]
 fn work_that_goes_on_is_noticed() {
+    let sphere = sphere();
     ends_anywhere("a stubborn transfer", 2, || {
-        let sphere = sphere();
         let _ = transferred(&sphere, Fill::None);
         Ok(())
     });
