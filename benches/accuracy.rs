@@ -97,7 +97,7 @@ impl Pair {
 
     fn row(&self, anchors: &AnchorPairs, method: Method) -> Result<()> {
         let options = CorrespondenceOptions { method, ..CorrespondenceOptions::default() };
-        self.row_with(anchors, method.name(), None, &options)
+        self.row_with(anchors, method.word(), None, &options)
     }
 
     /// The field with the target's embedding aligned.

@@ -174,7 +174,7 @@ fn main() -> Result<()> {
                         "| {} | {} | {} | {} | {} | {:.1e} | {:.1e} | {apart} | {claimed} | {otherwise} |",
                         pair.name,
                         anchors.len(),
-                        method.name(),
+                        method.word(),
                         other.description().backend,
                         distances.len(),
                         distances[distances.len() / 2],

@@ -230,7 +230,7 @@ fn map_rows(
                 println!(
                     "| {} | {} | {} | {name} | {} | {:.0} | {:.0} | {:.2} |",
                     anchors.len(),
-                    method.name(),
+                    method.word(),
                     if confidence { "yes" } else { "no" },
                     average.map_or("".into(), |s| format!("{:.0}", ns(s))),
                     ns(whole),

@@ -159,12 +159,12 @@ fn main() -> Result<()> {
         for precision in [Precision::Double, Precision::Single] {
             let options = CorrespondenceOptions { method, precision, ..CorrespondenceOptions::default() };
             let map = correspondence(source.shape(), target.shape(), &anchors, &options)?;
-            row(&format!("{} mapped, {precision:?} precision", method.name()), whole(map.as_ref(), &points)?, POINTS);
+            row(&format!("{} mapped, {precision:?} precision", method.word()), whole(map.as_ref(), &points)?, POINTS);
         }
         if let Ok(engine) = Engine::new(EngineOptions { backend: Backend::Gpu, ..EngineOptions::default() }) {
             let options = CorrespondenceOptions { method, ..CorrespondenceOptions::default() };
             let (map, _) = correspondence_on(&engine, source.shape(), target.shape(), &anchors, &options)?;
-            row(&format!("{} mapped, device", method.name()), whole(map.as_ref(), &points)?, POINTS);
+            row(&format!("{} mapped, device", method.word()), whole(map.as_ref(), &points)?, POINTS);
         }
     }
     // The field's own accuracy is benches/accuracy.rs.

@@ -20,7 +20,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let engine = Engine::cpu();
     let options = PartitionOptions::default();
     let found = partition(&engine, &cage, &options, &Quiet)?;
-    println!("knots {:?} along the {} path", found.knots, found.path.name());
+    println!("knots {:?} along the {} path", found.knots, found.path.word());
     for step in &found.steps {
         println!("  {} to {}: smallest Jacobian {:.3}", step.from, step.to, step.minimum.value);
     }

@@ -94,6 +94,7 @@ pub mod surface;
 pub mod tools;
 #[cfg(all(test, feature = "gpu"))]
 mod twins;
+mod words;
 
 pub use error::{Error, Result};
 

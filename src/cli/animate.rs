@@ -64,7 +64,7 @@ pub(crate) struct Arguments {
     gap: f64,
     /// How short gaps are closed
     #[arg(long, value_enum, default_value = "cubic")]
-    interpolation: InterpolationName,
+    interpolation: Interpolation,
     /// How far the frames are minimised: preview or default follow the shape in the large and make
     /// the rest afresh; fine and converged solve each frame
     #[arg(long, value_enum, default_value = "default")]
@@ -88,13 +88,7 @@ pub(crate) struct Arguments {
     output: PathBuf,
     /// Format of the files in a folder
     #[arg(long, value_enum, default_value = "obj")]
-    format: FormatName,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum InterpolationName {
-    Cubic,
-    Linear,
+    format: FrameFormat,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -103,12 +97,6 @@ enum QualityName {
     Default,
     Fine,
     Converged,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum FormatName {
-    Obj,
-    Ply,
 }
 
 fn reference(text: &str) -> std::result::Result<Reference, String> {
@@ -177,13 +165,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     }
     let options = AnimateOptions {
         quality: arguments.quality.quality(arguments.stiffness),
-        gaps: GapOptions {
-            longest: arguments.gap,
-            interpolation: match arguments.interpolation {
-                InterpolationName::Cubic => Interpolation::Cubic,
-                InterpolationName::Linear => Interpolation::Linear,
-            },
-        },
+        gaps: GapOptions { longest: arguments.gap, interpolation: arguments.interpolation },
         step,
         part: [part.start, part.end],
     };
@@ -191,10 +173,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         warn_of_loss(&session, surface.scene.as_deref(), &arguments.output);
     }
     let count = part.len();
-    let format = match arguments.format {
-        FormatName::Obj => FrameFormat::Obj,
-        FormatName::Ply => FrameFormat::Ply,
-    };
+    let format = arguments.format;
     let mut folder = (!glb).then(|| FrameFolder::create(&arguments.output, total, part.start, format)).transpose()?;
     let wanted: Vec<usize> = (0..PICTURES.min(count)).map(|k| k * count / PICTURES.min(count)).collect();
     let (mut frames, mut placements, mut pictured) = (Vec::new(), Vec::new(), Vec::new());

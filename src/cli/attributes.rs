@@ -42,7 +42,7 @@ pub(crate) struct Arguments {
     top: Option<usize>,
     /// What vertices get that the map does not vouch for
     #[arg(long, value_enum, default_value = "smooth")]
-    fill: FillName,
+    fill: Fill,
     /// The data on the target's vertices: CSV, NPY or PLY, or for --kind weights the target as GLB
     /// with joints; one for each file
     #[arg(long, short, required = true, num_args = 1..)]
@@ -71,15 +71,6 @@ enum KindName {
     Normals,
     /// Unit vectors along the surface, with handedness in a fourth column
     Tangents,
-}
-
-/// Names of what vertices get that the map does not vouch for.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum FillName {
-    /// The smoothest values between valid vertices
-    Smooth,
-    /// The best guess, or nothing
-    None,
 }
 
 impl Arguments {
@@ -228,10 +219,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let anchors = anchor_pairs(&arguments.anchors, &source, &target, &session)?;
     let method = arguments.method;
     let map = prepare(&mut session, &mut source, &mut target, &anchors, method, &arguments.embedding)?;
-    let fill = match arguments.fill {
-        FillName::Smooth => Fill::Smooth,
-        FillName::None => Fill::None,
-    };
+    let fill = arguments.fill;
     let (from, to) = ((&source.mesh, &source.topology), (&target.mesh, &target.topology));
     let result = transfer_attributes(from, to, map.as_ref(), &given, fill)?;
     session.watch.lap("attributes");

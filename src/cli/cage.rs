@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use clap::ValueEnum;
 use serde_json::{Value, json};
 
 use crate::Result;
@@ -31,7 +30,7 @@ pub(crate) struct Arguments {
     /// How the vertices of the cage move from one to the other: by mean-value encoding, which keeps
     /// turns, or straight
     #[arg(long, value_enum, default_value = "encoded")]
-    path: PathName,
+    path: PathKind,
     /// How the map is cut into steps that do not fold: binary, direct, uniform:M or continuous
     #[arg(long, default_value = "binary", value_parser = partition_kind)]
     partition: PartitionKind,
@@ -49,13 +48,6 @@ pub(crate) struct Arguments {
     /// itself
     #[arg(long)]
     strict: bool,
-}
-
-/// Names of the paths.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum PathName {
-    Encoded,
-    Linear,
 }
 
 /// `binary`, `uniform:8` and the like.
@@ -81,10 +73,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let cage = Cage::new(&cages[0], &cages[1])?;
     session.watch.lap("read");
     let options = CageOptions {
-        path: match arguments.path {
-            PathName::Encoded => PathKind::Encoded,
-            PathName::Linear => PathKind::Linear,
-        },
+        path: arguments.path,
         partition: PartitionOptions { kind: arguments.partition, eps: arguments.eps, resolution: arguments.resolution },
         inverse: arguments.inverse,
     };

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde_json::{Value, json};
 
 use crate::cli::common::{Session, usage};
@@ -23,8 +23,8 @@ pub(crate) struct MappingArguments {
     #[arg(long)]
     pub(crate) cage: PathBuf,
     /// How the vertices move from source to target; where a path fails, the next one is taken
-    #[arg(long, value_enum, default_value = "intrinsic")]
-    path: PathName,
+    #[arg(long, value_parser = path_kind(), default_value = "intrinsic")]
+    path: PathKind,
     /// How the map is cut into steps that do not fold: binary, direct, uniform:M, uniform:auto or
     /// continuous
     #[arg(long, default_value = "binary", value_parser = partition_kind)]
@@ -39,7 +39,7 @@ pub(crate) struct MappingArguments {
     resolution: u32,
     /// The barycentric coordinates; Wachspress coordinates want convex polygons
     #[arg(long, value_enum, default_value = "mean-value")]
-    pub(crate) coordinates: CoordinatesName,
+    pub(crate) coordinates: Coordinates,
     /// Prove that no step folds (mean value coordinates only)
     #[arg(long)]
     certify: bool,
@@ -51,19 +51,10 @@ pub(crate) struct MappingArguments {
     strict: bool,
 }
 
-/// Names of the paths.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum PathName {
-    Intrinsic,
-    Linear,
-    Compatible,
-}
-
-/// Names of the coordinates.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum CoordinatesName {
-    MeanValue,
-    Wachspress,
+/// The paths one may ask for: the fourth is what these become where they must change continuously.
+fn path_kind() -> impl TypedValueParser<Value = PathKind> {
+    let asked = [PathKind::Intrinsic, PathKind::Linear, PathKind::Compatible];
+    PossibleValuesParser::new(asked.map(PathKind::word)).try_map(|word| word.parse::<PathKind>())
 }
 
 /// `binary`, `uniform:8` and the like.
@@ -100,20 +91,13 @@ impl CageMap {
         let file = crate::io::cage::read_cage(&arguments.cage)?;
         let cage = Cage::new(file.source, file.target).map_err(|e| in_file(&arguments.cage, e))?;
         session.watch.lap("read");
-        let coordinates = match arguments.coordinates {
-            CoordinatesName::MeanValue => Coordinates::MeanValue,
-            CoordinatesName::Wachspress => Coordinates::Wachspress,
-        };
+        let coordinates = arguments.coordinates;
         if arguments.certify && coordinates != Coordinates::MeanValue {
             return Err(usage("--certify", "only mean value coordinates can be certified", "Leave one of the two out"));
         }
         let options = PartitionOptions {
             kind: arguments.partition,
-            path: match arguments.path {
-                PathName::Intrinsic => PathKind::Intrinsic,
-                PathName::Linear => PathKind::Linear,
-                PathName::Compatible => PathKind::Compatible,
-            },
+            path: arguments.path,
             eps: arguments.eps,
             samples: SampleOptions { resolution: arguments.resolution },
             coordinates,
@@ -203,7 +187,7 @@ impl CageMap {
         report["vertices"] = json!(self.cage.source.vertex_count());
         report["partition"] = json!(p.knots);
         report["steps"] = json!(steps);
-        report["path"] = json!(p.path.name());
+        report["path"] = json!(p.path.word());
         // A step longer than eps may be halved, so that half of it is the least that eps allows.
         let lengths = || p.knots.windows(2).map(|k| k[1] - k[0]);
         report["eps"] = json!(self.options.eps);
@@ -241,7 +225,7 @@ impl CageMap {
         format!(
             "{} steps along the {} path, smallest Jacobian of a step {:.4}, bijective: {}, by {}",
             self.partition.steps.len(),
-            self.partition.path.name(),
+            self.partition.path.word(),
             least,
             self.bijective(),
             engine.description()

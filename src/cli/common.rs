@@ -14,10 +14,11 @@ use crate::io::anchors::AnchorList;
 use crate::io::cache::Cache;
 use crate::io::{LoadedMesh, ReadOptions};
 use crate::progress::Progress;
+use crate::surface::Sampling;
 use crate::surface::{AnchorPairs, EmbeddingOptions};
 use crate::tools::stopwatch::{StageTime, Stopwatch};
 use crate::{Error, Result};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use serde_json::{Value, json};
 
 use crate::cli::progress_bar::Bars;
@@ -28,7 +29,7 @@ pub(crate) struct Common {
     /// Where the work is done: auto takes a hardware adapter, else the CPU; gpu takes a software
     /// adapter too; reference is double precision
     #[arg(long, value_enum, default_value = "auto", global = true)]
-    pub(crate) backend: BackendName,
+    pub(crate) backend: Backend,
     /// Part of the name of the adapter to use (see `barymap devices`)
     #[arg(long, global = true)]
     pub(crate) adapter: Option<String>,
@@ -45,7 +46,7 @@ pub(crate) struct Common {
     /// Which axis of the meshes points up (y if not given): pictures show it upright, and glTF,
     /// which is y up, is written turned
     #[arg(long, value_enum, global = true)]
-    pub(crate) up: Option<UpName>,
+    pub(crate) up: Option<UpAxis>,
     /// Neither read nor write cached embeddings and hierarchies
     #[arg(long, global = true)]
     pub(crate) no_cache: bool,
@@ -72,22 +73,6 @@ impl Common {
     pub(crate) fn target_options(&self) -> ReadOptions {
         ReadOptions { uv_set: self.uv_set.last().copied(), ..self.read_options() }
     }
-}
-
-/// Names of the axes that may point up.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum UpName {
-    Y,
-    Z,
-}
-
-/// Names of the back ends.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum BackendName {
-    Auto,
-    Gpu,
-    Cpu,
-    Reference,
 }
 
 /// `4G` and the like.
@@ -149,13 +134,7 @@ pub(crate) struct Session<'a> {
 impl<'a> Session<'a> {
     /// Starts the engine and checks early that the report can be written.
     pub(crate) fn start(common: &'a Common) -> Result<Self> {
-        let backend = match common.backend {
-            BackendName::Auto => Backend::Auto,
-            BackendName::Gpu => Backend::Gpu,
-            BackendName::Cpu => Backend::Cpu,
-            BackendName::Reference => Backend::Reference,
-        };
-        Self::with_backend(common, backend)
+        Self::with_backend(common, common.backend)
     }
 
     fn with_backend(common: &'a Common, backend: Backend) -> Result<Self> {
@@ -208,7 +187,7 @@ impl<'a> Session<'a> {
 
     /// The axis that points up.
     pub(crate) fn up(&self) -> UpAxis {
-        if self.common.up == Some(UpName::Z) { UpAxis::Z } else { UpAxis::Y }
+        self.common.up.unwrap_or_default()
     }
 
     /// A note where a mesh seems to stand along z and no axis is given. For commands whose pictures
@@ -399,27 +378,17 @@ pub(crate) struct EmbeddingArguments {
     pub(crate) landmarks: usize,
     /// How landmarks are chosen
     #[arg(long, value_enum, default_value = "decimation")]
-    pub(crate) sampling: SamplingName,
+    pub(crate) sampling: Sampling,
     /// Dimension of the embedding: 4, 8, 12 or 16
     #[arg(long, default_value_t = 8)]
     pub(crate) dimension: usize,
-}
-
-/// Names of the samplings.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(crate) enum SamplingName {
-    Farthest,
-    Decimation,
 }
 
 impl EmbeddingArguments {
     pub(crate) fn options(&self) -> EmbeddingOptions {
         EmbeddingOptions {
             landmarks: self.landmarks,
-            sampling: match self.sampling {
-                SamplingName::Farthest => crate::surface::Sampling::FarthestPoint,
-                SamplingName::Decimation => crate::surface::Sampling::Decimation,
-            },
+            sampling: self.sampling,
             dimension: self.dimension,
             ..EmbeddingOptions::default()
         }

@@ -7,7 +7,6 @@ use serde_json::json;
 
 use crate::cli::common::{Common, Session, Surface, check_outputs, size, usage};
 use crate::cli::pictures::Quality;
-use crate::cli::transfer::FilterName;
 use crate::geometry::Placement;
 use crate::io::decal_anchors::read_decal_anchors;
 use crate::io::finite;
@@ -39,7 +38,7 @@ pub(crate) struct Arguments {
     output: PathBuf,
     /// How coordinates spread from the anchors
     #[arg(long, value_enum, default_value = "plate")]
-    layout: LayoutName,
+    layout: Layout,
     /// Write only the faces that show the picture (OBJ)
     #[arg(long)]
     patch: bool,
@@ -57,7 +56,7 @@ pub(crate) struct Arguments {
     margin: u32,
     /// How the picture is averaged
     #[arg(long, value_enum, default_value = "anisotropic")]
-    filter: FilterName,
+    filter: Filter,
     /// Samples along each side of a texel, 1 to 4
     #[arg(long, default_value_t = 1)]
     supersample: u32,
@@ -66,15 +65,6 @@ pub(crate) struct Arguments {
     linear_light: bool,
     #[command(flatten)]
     quality: Quality,
-}
-
-/// Names of the layouts.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum LayoutName {
-    /// A thin plate on the surface that bends as little as it can
-    Plate,
-    /// Weighted averages of the anchors, as in the paper
-    Averages,
 }
 
 /// Side of the texture without a size given.
@@ -150,10 +140,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     }
     let anchors = anchors(&arguments.anchors, &surface, &session)?;
     session.watch.lap("read");
-    let layout = match arguments.layout {
-        LayoutName::Plate => Layout::Plate,
-        LayoutName::Averages => Layout::Averages,
-    };
+    let layout = arguments.layout;
     let aspect = picture.as_ref().map_or(1.0, |p| f64::from(p.width) / f64::from(p.height));
     let made = decal(&surface.mesh, &surface.topology, &anchors, layout, aspect, session.progress())?;
     session.watch.lap("layout");
@@ -235,11 +222,7 @@ fn draw(
         width,
         height,
         margin: arguments.margin,
-        filter: match arguments.filter {
-            FilterName::Anisotropic => Filter::Anisotropic,
-            FilterName::Trilinear => Filter::Trilinear,
-            FilterName::Bilinear => Filter::Bilinear,
-        },
+        filter: arguments.filter,
         supersample: arguments.supersample,
         linear_light: arguments.linear_light,
         material,

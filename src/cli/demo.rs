@@ -5,18 +5,20 @@ use std::path::PathBuf;
 use image::RgbaImage;
 use serde_json::json;
 
-use crate::cli::common::{Common, EmbeddingArguments, SamplingName, Session};
+use crate::cli::common::{Common, EmbeddingArguments, Session};
 use crate::cli::method::MethodArguments;
-use crate::cli::transfer::{FillName, FilterName, Job, Look, summary};
+use crate::cli::transfer::{Job, Look, summary};
 use crate::desk::Textures;
 use crate::geometry::{Material, SurfacePoint};
 use crate::io::TextureName;
 use crate::models::character_pair;
 use crate::raster::{Image, Pixels};
+use crate::surface::Sampling;
 use crate::surface::quality::summarise;
 use crate::surface::{AnchorPairs, EmbeddingOptions};
 use crate::tools::render::{Coloring, RenderOptions, render, side_by_side};
 use crate::tools::transfer::Pyramids;
+use crate::tools::transfer::{Fill, Filter};
 use crate::{Error, Result};
 
 #[derive(Debug, clap::Args)]
@@ -57,19 +59,19 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         method: arguments.method,
         embedding: &EmbeddingArguments {
             landmarks: EmbeddingOptions::default().landmarks,
-            sampling: SamplingName::Decimation,
+            sampling: Sampling::Decimation,
             dimension: 8,
         },
         look: &Look {
             size: (arguments.size, arguments.size),
             margin: 16,
             coverage: Some(path("coverage.png").display().to_string()),
-            fill: FillName::None,
+            fill: Fill::None,
             fill_doubtful: false,
             stmap: None,
             model: Some(path("model.glb")),
             linear_light: false,
-            filter: FilterName::Anisotropic,
+            filter: Filter::Anisotropic,
             supersample: 1,
         },
         outputs: &outputs,

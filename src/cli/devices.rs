@@ -4,8 +4,9 @@
 use clap::Args;
 use serde_json::{Value, json};
 
-use crate::cli::common::{BackendName, Common, Session, line};
+use crate::cli::common::{Common, Session, line};
 use crate::conformance::{checks, faults, kernels};
+use crate::engine::Backend;
 use crate::engine::{Engine, Gpu};
 use crate::{Error, Result};
 
@@ -18,9 +19,9 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
-    if arguments.check && common.backend == BackendName::Auto {
+    if arguments.check && common.backend == Backend::Auto {
         // A check is for the device, whatever `auto` would take.
-        let common = Common { backend: BackendName::Gpu, ..common.clone() };
+        let common = Common { backend: Backend::Gpu, ..common.clone() };
         return show(&common, true);
     }
     show(common, arguments.check)

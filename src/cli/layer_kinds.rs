@@ -17,10 +17,10 @@ pub(crate) struct LayerKinds {
     /// Where the green channel of tangent-space normal maps points: up in the picture (OpenGL,
     /// glTF) or down (DirectX)
     #[arg(long, value_enum, default_value = "up")]
-    normal_y: NormalYName,
+    normal_y: NormalY,
     /// What becomes of the relief of normal and displacement maps where the surface is stretched
     #[arg(long, value_enum, default_value = "turned")]
-    relief: ReliefName,
+    relief: Relief,
 }
 
 /// Names of the kinds.
@@ -36,26 +36,6 @@ enum KindName {
     NormalObject,
     /// Heights
     Displacement,
-}
-
-/// Names of the green directions.
-#[derive(Clone, Copy, Debug, Default, ValueEnum)]
-enum NormalYName {
-    #[default]
-    Up,
-    Down,
-}
-
-/// Names of what becomes of relief.
-#[derive(Clone, Copy, Debug, Default, ValueEnum)]
-enum ReliefName {
-    /// Normals are turned and shade as before; heights keep their values
-    #[default]
-    Turned,
-    /// Heights grow with the surface around them
-    Local,
-    /// Heights grow with the mesh as a whole
-    Mesh,
 }
 
 impl LayerKinds {
@@ -77,15 +57,7 @@ impl LayerKinds {
                 "Give one for each layer, in their order",
             ));
         }
-        let y = match self.normal_y {
-            NormalYName::Up => NormalY::Up,
-            NormalYName::Down => NormalY::Down,
-        };
-        let relief = match self.relief {
-            ReliefName::Turned => Relief::Turned,
-            ReliefName::Local => Relief::Local,
-            ReliefName::Mesh => Relief::Mesh,
-        };
+        let (y, relief) = (self.normal_y, self.relief);
         let kind = |name: &KindName| match name {
             KindName::Color => LayerKind::Color,
             KindName::Labels => LayerKind::Labels,

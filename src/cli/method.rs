@@ -1,34 +1,17 @@
 //! The correspondence as the command line asks for it.
 
-use clap::ValueEnum;
-
 use crate::Result;
 use crate::cli::common::{EmbeddingArguments, Session, Surface};
 use crate::desk::{Choice, correspond};
 use crate::surface::correspondence::Method;
 use crate::surface::{AnchorPairs, PointMap};
 
-/// Names of the methods.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum MethodName {
-    /// The paper: inverse problem on the target, forward problem on the source
-    Averages,
-    /// The paper with the residual carried over
-    Transport,
-    /// An image for every vertex, predicted in the embedding and in space, relaxed onto the source
-    Field,
-    /// Spatial radial basis functions, then the closest point
-    Rbf,
-    /// Alignment by the anchors, then the closest point
-    Closest,
-}
-
 /// How points are carried.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub(crate) struct MethodArguments {
     /// How points are carried
     #[arg(long, value_enum, default_value = "field")]
-    method: MethodName,
+    method: Method,
     /// Whether images are drawn onto the source by a smooth relaxation: yes for `field`, no for
     /// `rbf` unless asked for
     #[arg(long, value_name = "yes|no", num_args = 0..=1, default_missing_value = "yes", value_parser = yes_or_no)]
@@ -49,20 +32,12 @@ fn yes_or_no(text: &str) -> std::result::Result<bool, String> {
 
 impl MethodArguments {
     fn choice(self) -> Choice {
-        let method = match self.method {
-            MethodName::Averages => Method::Averages,
-            MethodName::Transport => Method::Transport,
-            MethodName::Field => Method::Field,
-            MethodName::Rbf => Method::Rbf,
-            MethodName::Closest => Method::Closest,
-        };
-        Choice { method, relax: self.relax, align: self.align }
+        Choice { method: self.method, relax: self.relax, align: self.align }
     }
 
     /// The method for a source that is no surface.
     pub(crate) fn for_points(self) -> Self {
         let Choice { method, relax, align } = self.choice().for_points();
-        let method = if method == Method::Closest { MethodName::Closest } else { MethodName::Rbf };
         Self { method, relax, align }
     }
 

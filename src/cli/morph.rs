@@ -54,7 +54,7 @@ pub(crate) struct Arguments {
     quality: QualityName,
     /// Format of the files in a folder
     #[arg(long, value_enum, default_value = "obj")]
-    format: Format,
+    format: FrameFormat,
     /// Seconds that the animation of a GLB takes
     #[arg(long, default_value_t = 2.0)]
     seconds: f64,
@@ -66,13 +66,6 @@ pub(crate) struct Arguments {
     method: MethodArguments,
     #[command(flatten)]
     embedding: EmbeddingArguments,
-}
-
-/// Formats of the frames.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Format {
-    Obj,
-    Ply,
 }
 
 /// Names of the qualities.
@@ -161,10 +154,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     session.watch.lap("prepare");
     // Normals of an in-between would be wrong: readers make their own.
     let mut mesh = without_normals(&meshes[0]);
-    let format = match arguments.format {
-        Format::Obj => FrameFormat::Obj,
-        Format::Ply => FrameFormat::Ply,
-    };
+    let format = arguments.format;
     let mut target = match (file, glb) {
         (true, _) => Target::File(arguments.output.clone()),
         (_, true) => Target::Glb(Vec::new()),

@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
 use glam::DVec3;
 use serde_json::{Value, json};
 
@@ -32,7 +31,7 @@ pub(crate) struct Arguments {
     output: PathBuf,
     /// B-spline or Bezier pieces
     #[arg(long, value_enum, default_value = "bspline")]
-    kind: Kind,
+    kind: SplineKind,
     /// Degree: 1 to 5 of a B-spline (default 3), of each Bezier piece (default: one piece; 3 where
     /// closed)
     #[arg(long)]
@@ -43,7 +42,7 @@ pub(crate) struct Arguments {
     /// One average a point, or repeated averages of neighbouring control points first: slower, and
     /// smooth where control points are far apart
     #[arg(long, value_enum, default_value = "direct")]
-    mode: Mode,
+    mode: Evaluation,
     /// Largest distance of the curve from its polyline, as a fraction of the mesh's diagonal
     #[arg(long, default_value_t = SplineOptions::default().tolerance)]
     tolerance: f64,
@@ -58,18 +57,6 @@ pub(crate) struct Arguments {
     size: (u32, u32),
     #[command(flatten)]
     embedding: EmbeddingArguments,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Kind {
-    Bspline,
-    Bezier,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Mode {
-    Direct,
-    Subdivision,
 }
 
 #[derive(Clone, Copy, PartialEq)]
@@ -109,16 +96,10 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let splines = SplineSurface::new(surface.shape())?;
     session.watch.lap("prepare");
     let options = SplineOptions {
-        kind: match arguments.kind {
-            Kind::Bspline => SplineKind::BSpline,
-            Kind::Bezier => SplineKind::Bezier,
-        },
+        kind: arguments.kind,
         degree: arguments.degree.unwrap_or(0),
         closed: arguments.closed,
-        evaluation: match arguments.mode {
-            Mode::Direct => Evaluation::Direct,
-            Mode::Subdivision => Evaluation::Subdivision,
-        },
+        evaluation: arguments.mode,
         tolerance: arguments.tolerance,
         samples: arguments.samples,
     };

@@ -2,10 +2,9 @@
 
 use std::path::PathBuf;
 
-use clap::ValueEnum;
 use serde_json::{Value, json};
 
-use crate::cli::cage_map::{CageMap, CoordinatesName, MappingArguments};
+use crate::cli::cage_map::{CageMap, MappingArguments};
 use crate::cli::common::{Common, Session, check_outputs, size, usage};
 use crate::cli::pictures::Quality;
 use crate::cli::shard::{Part, Shard, part, shard};
@@ -13,7 +12,7 @@ use crate::io::cage::CageUnits;
 use crate::io::finite;
 use crate::io::image_file::{Metadata, Picture, write_picture};
 use crate::io::output_set::OutputSet;
-use crate::mapping::plane::{CompositeMap, jacobian_min};
+use crate::mapping::plane::{CompositeMap, Coordinates, jacobian_min};
 use crate::raster::Image;
 use crate::tools::transfer::Encoding;
 use crate::tools::warp::frames::{cut, times};
@@ -40,11 +39,11 @@ pub(crate) struct Arguments {
     mapping: MappingArguments,
     /// How colours are taken from the picture
     #[arg(long, value_enum, default_value = "ewa")]
-    filter: FilterName,
+    filter: Filter,
     /// What is shown outside the target polygon, and in its holes: the map as it goes on there, the
     /// picture as it was, or nothing
     #[arg(long, value_enum, default_value = "map")]
-    outside: OutsideName,
+    outside: Outside,
     /// Size of the result: WIDTHxHEIGHT, or one number for a square; the picture's own if not given
     #[arg(long, value_parser = size)]
     canvas: Option<(u32, u32)>,
@@ -72,23 +71,6 @@ pub(crate) struct Arguments {
     /// Average light instead of stored values
     #[arg(long)]
     linear_light: bool,
-}
-
-/// Names of the filters.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum FilterName {
-    Ewa,
-    Bilinear,
-    Lanczos,
-    Lanczos4,
-}
-
-/// Names of what is outside.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum OutsideName {
-    Map,
-    Keep,
-    Transparent,
 }
 
 pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
@@ -218,22 +200,13 @@ fn options(session: &Session<'_>, arguments: &Arguments, image: &Image, units: C
         CageUnits::Pixel => Placement::pixels(),
         CageUnits::Unit => Placement::upward(image.height, height),
     };
-    let mut outside = match arguments.outside {
-        OutsideName::Map => Outside::Map,
-        OutsideName::Keep => Outside::Keep,
-        OutsideName::Transparent => Outside::Transparent,
-    };
-    if outside == Outside::Map && arguments.mapping.coordinates == CoordinatesName::Wachspress {
+    let mut outside = arguments.outside;
+    if outside == Outside::Map && arguments.mapping.coordinates == Coordinates::Wachspress {
         session.warn("Wachspress coordinates end at the polygon: what is outside is transparent");
         outside = Outside::Transparent;
     }
     WarpOptions {
-        filter: match arguments.filter {
-            FilterName::Ewa => Filter::Ewa,
-            FilterName::Bilinear => Filter::Bilinear,
-            FilterName::Lanczos => Filter::Lanczos,
-            FilterName::Lanczos4 => Filter::Lanczos4,
-        },
+        filter: arguments.filter,
         outside,
         encoding: Encoding { linear_light: arguments.linear_light, ..Encoding::default() },
         canvas,

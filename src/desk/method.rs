@@ -60,7 +60,7 @@ impl Choice {
         match (self.method, self.relax) {
             (Method::Rbf, Some(true)) => "rbf, relaxed",
             (Method::Field, Some(false)) => "field, not relaxed",
-            (method, _) => method.name(),
+            (method, _) => method.word(),
         }
     }
 
@@ -71,11 +71,11 @@ impl Choice {
     pub fn options(self) -> Result<CorrespondenceOptions> {
         use Method::{Field, Rbf};
         if self.relax.is_some() && !matches!(self.method, Field | Rbf) {
-            let what = format!("the method {} has nothing to relax", self.method.name());
+            let what = format!("the method {} has nothing to relax", self.method.word());
             return Err(Error::option("relax", what, "Use it with the method field or rbf"));
         }
         if self.align && self.method != Field {
-            let what = format!("the method {} has no use for it", self.method.name());
+            let what = format!("the method {} has no use for it", self.method.word());
             return Err(Error::option("align", what, "Use it with the method field"));
         }
         Ok(CorrespondenceOptions { method: self.method, relax: self.relax, ..CorrespondenceOptions::default() })

@@ -1,10 +1,8 @@
 //! What a caller chooses about where kernels run.
 
-use std::fmt;
-use std::str::FromStr;
 use std::time::Duration;
 
-use crate::error::{Error, Result};
+use crate::words::words;
 
 /// Where the work is done.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -20,32 +18,11 @@ pub enum Backend {
     Reference,
 }
 
-impl Backend {
-    /// The word used on the command line and in reports.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Auto => "auto",
-            Self::Gpu => "gpu",
-            Self::Cpu => "cpu",
-            Self::Reference => "reference",
-        }
-    }
-}
-
-impl fmt::Display for Backend {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.word())
-    }
-}
-
-impl FromStr for Backend {
-    type Err = Error;
-
-    fn from_str(word: &str) -> Result<Self> {
-        [Self::Auto, Self::Gpu, Self::Cpu, Self::Reference].into_iter().find(|b| b.word() == word).ok_or_else(|| {
-            Error::option("backend", format!("'{word}' is not a back end"), "Use auto, gpu, cpu or reference")
-        })
-    }
+words! { Backend, "backend", "a back end":
+    Auto => "auto",
+    Gpu => "gpu",
+    Cpu => "cpu",
+    Reference => "reference",
 }
 
 /// Which limits an owned device is created with.

@@ -3,6 +3,7 @@
 use glam::{DQuat, DVec3};
 
 use super::Mesh;
+use crate::words::words;
 
 /// Heights of the slabs at both ends that feet and head must lie in, in parts of the whole.
 const SLAB: f64 = 0.04;
@@ -25,6 +26,11 @@ pub enum UpAxis {
     Y,
     /// z, as in files of scanners, CAD and Blender; the front looks along -y.
     Z,
+}
+
+words! { UpAxis, "up", "an axis that may point up":
+    Y => "y",
+    Z => "z",
 }
 
 impl UpAxis {

@@ -172,9 +172,9 @@ fn what_is_claimed_valid_on_the_human_pair_is_right() {
         let pair = Pair::same(source, target, &vertices);
         for method in [Method::Averages, Method::Transport, Method::Field] {
             let o = pair.map(method);
-            say(name, method.name(), &o);
+            say(name, method.word(), &o);
             let [valid, off02, off05] = pair.honesty(&o);
-            println!("{name} {}: valid {valid:.4}, of that off by 0.02 {off02:.4}, by 0.05 {off05:.4}", method.name());
+            println!("{name} {}: valid {valid:.4}, of that off by 0.02 {off02:.4}, by 0.05 {off05:.4}", method.word());
             if method != Method::Averages {
                 // Points of turned-over triangles are doubtful, and only the field mends these.
                 let least = if method == Method::Field { 0.97 } else { 0.92 };
@@ -277,7 +277,7 @@ fn the_field_is_nearer_to_the_truth_than_every_other_method() {
             };
             let outcome = |method: Method| {
                 let o = pair.map(method);
-                say(&name, &format!("{}, {anchors}", method.name()), &o);
+                say(&name, &format!("{}, {anchors}", method.word()), &o);
                 o
             };
             let (field, rbf, averages) = (outcome(Method::Field), outcome(Method::Rbf), outcome(Method::Averages));

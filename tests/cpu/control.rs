@@ -108,7 +108,7 @@ fn correspondences_and_transfers_end() {
     for (method, least) in [(Method::Field, 20), (Method::Averages, 2), (Method::Rbf, 2)] {
         let options = CorrespondenceOptions { method, ..CorrespondenceOptions::default() };
         let points: Vec<_> = sphere.anchors(1).target.into_iter().map(barymap::surface::PackedPoint::from).collect();
-        ends_anywhere(method.name(), least, || {
+        ends_anywhere(method.word(), least, || {
             let map = correspondence(sphere.shape(), sphere.shape(), &sphere.anchors(60), &options)?;
             let mut images = Vec::new();
             map.map(&points, &mut images)?;

@@ -79,7 +79,7 @@ impl Pair {
             let flipped = 100.0 * map.distortion.flipped_area;
             println!(
                 "{name}, {anchors}, {}: mean {:.4} max {:.3} flipped {flipped:.2} %",
-                method.name(),
+                method.word(),
                 e.mean,
                 e.max
             );

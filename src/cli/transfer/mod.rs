@@ -4,7 +4,6 @@ mod model;
 
 use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
 use model::{Skin, SourceLook};
 use serde_json::json;
 
@@ -76,7 +75,7 @@ pub(crate) struct Look {
     /// What parts of charts get that the map leaves without colour: nothing, averages of
     /// what is around, a smooth surface through it, or the nearest colour (labels always)
     #[arg(long, value_enum, default_value = "none")]
-    pub(crate) fill: FillName,
+    pub(crate) fill: Fill,
     /// Fill texels that the map does not vouch for, too
     #[arg(long)]
     pub(crate) fill_doubtful: bool,
@@ -92,51 +91,21 @@ pub(crate) struct Look {
     pub(crate) linear_light: bool,
     /// How the source's texture is averaged
     #[arg(long, value_enum, default_value = "anisotropic")]
-    pub(crate) filter: FilterName,
+    pub(crate) filter: Filter,
     /// Samples along each side of a texel, 1 to 4
     #[arg(long, default_value_t = 1)]
     pub(crate) supersample: u32,
 }
 
-/// Names of the filters.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(crate) enum FilterName {
-    Anisotropic,
-    Trilinear,
-    Bilinear,
-}
-
-/// Names of the ways to fill.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(crate) enum FillName {
-    None,
-    PullPush,
-    Smooth,
-    Nearest,
-}
-
 impl Look {
-    fn fill_options(&self) -> Fill {
-        match self.fill {
-            FillName::None => Fill::None,
-            FillName::PullPush => Fill::PullPush,
-            FillName::Smooth => Fill::Smooth,
-            FillName::Nearest => Fill::Nearest,
-        }
-    }
-
     fn options(&self, memory: u64) -> TransferOptions {
         TransferOptions {
             width: self.size.0,
             height: self.size.1,
             margin: self.margin,
             supersample: self.supersample,
-            filter: match self.filter {
-                FilterName::Anisotropic => Filter::Anisotropic,
-                FilterName::Trilinear => Filter::Trilinear,
-                FilterName::Bilinear => Filter::Bilinear,
-            },
-            fill: self.fill_options(),
+            filter: self.filter,
+            fill: self.fill,
             fill_doubtful: self.fill_doubtful,
             coordinates: self.stmap.is_some(),
             memory,
@@ -173,7 +142,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     if let Some(name) = stmap.filter(|n| !n.to_ascii_lowercase().ends_with(".exr")) {
         return Err(usage("--stmap", &format!("{name} cannot hold coordinates"), "End the name in .exr"));
     }
-    if arguments.look.fill_doubtful && arguments.look.fill_options() == Fill::None {
+    if arguments.look.fill_doubtful && arguments.look.fill == Fill::None {
         return Err(usage("--fill-doubtful", "nothing is filled", "Say how, with --fill smooth or --fill pull-push"));
     }
     let early = arguments.output.iter().chain(&arguments.look.coverage).chain(stmap);
@@ -427,7 +396,7 @@ impl<'p> Job<'_, 'p> {
     fn notes(&self, session: &Session<'_>, roles: &[&str], result: &TransferOutput) {
         let s = &result.stats;
         let left = s.colorless.saturating_sub(s.filled);
-        if s.colorless > 0 && self.look.fill_options() == Fill::None {
+        if s.colorless > 0 && self.look.fill == Fill::None {
             session.warn(&format!("{} texels of charts have no colour; --fill smooth gives them one", s.colorless));
         } else if left > 0 {
             session.warn(&format!("{left} texels of charts have no colour: nothing around them has one"));

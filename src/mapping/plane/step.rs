@@ -1,7 +1,5 @@
 //! One step of a composite map: the barycentric map from one polygon to another.
 
-use std::fmt;
-use std::str::FromStr;
 use std::sync::OnceLock;
 
 use rayon::prelude::*;
@@ -12,6 +10,7 @@ use super::{mean_value, wachspress};
 use crate::engine::Real;
 use crate::error::{Error, Result};
 use crate::geometry::Polygon;
+use crate::words::words;
 
 /// The barycentric coordinates that a map is made of.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -23,15 +22,12 @@ pub enum Coordinates {
     Wachspress,
 }
 
-impl Coordinates {
-    /// The word of the command line and of reports.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::MeanValue => "mean-value",
-            Self::Wachspress => "wachspress",
-        }
-    }
+words! { Coordinates, "coordinates", "a kind of coordinates":
+    MeanValue => "mean-value",
+    Wachspress => "wachspress",
+}
 
+impl Coordinates {
     /// Whether these coordinates exist for a (valid) polygon. The polygon a step leads to may be
     /// any.
     ///
@@ -43,22 +39,6 @@ impl Coordinates {
             Self::MeanValue => Ok(()),
             Self::Wachspress => wachspress::check(polygon),
         }
-    }
-}
-
-impl fmt::Display for Coordinates {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.word())
-    }
-}
-
-impl FromStr for Coordinates {
-    type Err = Error;
-
-    fn from_str(word: &str) -> Result<Self> {
-        [Self::MeanValue, Self::Wachspress].into_iter().find(|c| c.word() == word).ok_or_else(|| {
-            Error::option("coordinates", format!("'{word}' is not known"), "Use mean-value or wachspress")
-        })
     }
 }
 

@@ -22,6 +22,7 @@ pub use weighted::{Scratch, WeightedAverages};
 use crate::engine::LaneScalar;
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, Topology};
+use crate::words::words;
 
 use self::checked::Checked;
 use self::parts::{Anchored, Followed};
@@ -49,18 +50,15 @@ pub enum Method {
     Closest,
 }
 
-impl Method {
-    /// The name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Averages => "averages",
-            Self::Transport => "transport",
-            Self::Field => "field",
-            Self::Rbf => "rbf",
-            Self::Closest => "closest",
-        }
-    }
+words! { Method, "method", "a method":
+    Averages => "averages" "The paper: inverse problem on the target, forward problem on the source",
+    Transport => "transport" "The paper with the residual carried over",
+    Field => "field" "An image for every vertex, predicted in the embedding and in space, relaxed onto the source",
+    Rbf => "rbf" "Spatial radial basis functions, then the closest point",
+    Closest => "closest" "Alignment by the anchors, then the closest point",
+}
 
+impl Method {
     /// Whether the method needs embeddings.
     pub fn needs_embedding(self) -> bool {
         matches!(self, Self::Averages | Self::Transport | Self::Field)

@@ -22,6 +22,7 @@ use crate::control;
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, Topology};
 use crate::progress::{Progress, Quiet};
+use crate::words::words;
 
 /// Landmarks that every component gets at least, if it has as many vertices.
 const LEAST_LANDMARKS: usize = 24;
@@ -44,6 +45,11 @@ pub enum Sampling {
     /// ears, mouths), which farthest points miss and the least-squares mesh then flattens.
     #[default]
     Decimation,
+}
+
+words! { Sampling, "sampling", "a sampling":
+    FarthestPoint => "farthest",
+    Decimation => "decimation",
 }
 
 /// How an embedding is computed.

@@ -92,7 +92,7 @@ pub fn correspondence_on(
         return on_cpu(None);
     }
     if !options.method.needs_embedding() {
-        return on_cpu(Some(format!("method {} runs on the CPU", options.method.name())));
+        return on_cpu(Some(format!("method {} runs on the CPU", options.method.word())));
     }
     let dimension = dimension(&source, &target)?;
     let obstacle = match options.method {

@@ -10,6 +10,7 @@ use crate::geometry::Mesh;
 use crate::io::output_set::OutputFolder;
 use crate::io::{write_obj, write_ply};
 use crate::tools::render::{Coloring, MAX_SIZE, RenderOptions, render};
+use crate::words::words;
 
 /// Format of a sequence of meshes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,6 +19,11 @@ pub enum FrameFormat {
     Obj,
     /// Positions and polygons.
     Ply,
+}
+
+words! { FrameFormat, "format", "a format of frames":
+    Obj => "obj",
+    Ply => "ply",
 }
 
 /// A folder of numbered meshes, `frame_0000.obj` and so on, that appears whole or not at all.

@@ -10,6 +10,7 @@ use glam::DVec3;
 use crate::encoding::Similarity;
 use crate::error::{Error, Result};
 use crate::io::motion::Motion;
+use crate::words::words;
 
 /// Markers around one that is released which carry it.
 const NEIGHBOURS: usize = 6;
@@ -22,6 +23,11 @@ pub enum Interpolation {
     Cubic,
     /// On the straight line.
     Linear,
+}
+
+words! { Interpolation, "interpolation", "a way to close gaps":
+    Cubic => "cubic",
+    Linear => "linear",
 }
 
 /// How gaps are closed.

@@ -15,6 +15,7 @@ use crate::geometry::{Mesh, Topology};
 use crate::surface::quality::vertex_normals;
 use crate::surface::{PointMap, Status};
 use crate::tools::vertex_map::{VertexMap, vertex_map};
+use crate::words::words;
 use carry::Carrier;
 
 /// What the numbers of a vertex mean, hence what is done with them.
@@ -51,6 +52,11 @@ pub enum Fill {
     Smooth,
     /// The map's best guess where it has one, else NaN.
     None,
+}
+
+words! { Fill, "fill", "a way to fill":
+    Smooth => "smooth" "The smoothest values between valid vertices",
+    None => "none" "The best guess, or nothing",
 }
 
 /// Data of the vertices of a mesh.

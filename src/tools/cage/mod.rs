@@ -16,6 +16,7 @@ use crate::geometry::{Frame, Mesh};
 use crate::mapping::space::{Cage, CompositeMap, Linear, Partition, PartitionOptions, VertexPath, partition};
 use crate::progress::Progress;
 use crate::tools::deform::normals::turn_normals;
+use crate::words::words;
 
 pub use encoded::Encoded;
 
@@ -27,6 +28,11 @@ pub enum PathKind {
     Encoded,
     /// Every vertex goes straight.
     Linear,
+}
+
+words! { PathKind, "path", "a path":
+    Encoded => "encoded",
+    Linear => "linear",
 }
 
 /// What is to be done to a model.

@@ -29,6 +29,7 @@ use crate::surface::correspondence::Shape;
 use crate::surface::quality::distortion;
 use crate::surface::single::WeightedPoints;
 use crate::surface::{Embedding, EmbeddingOptions};
+use crate::words::words;
 use domain::Domain;
 use patch::Patch;
 
@@ -43,6 +44,11 @@ pub enum Layout {
     /// texture coordinates. The part around the anchors is embedded by itself, which distorts it
     /// less than an embedding of the whole surface.
     Averages,
+}
+
+words! { Layout, "layout", "a layout":
+    Plate => "plate" "A thin plate on the surface that bends as little as it can",
+    Averages => "averages" "Weighted averages of the anchors, as in the paper",
 }
 
 /// Landmarks of the embedding of a part.

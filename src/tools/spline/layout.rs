@@ -3,6 +3,8 @@
 //! A curve of `S` spans has the parameter `u` in `0..=S`; span `s` is `s..=s + 1`. Knots are whole
 //! numbers, so that all of them are known without a table.
 
+use crate::words::words;
+
 /// Largest degree of a curve.
 pub const MOST_DEGREE: usize = 15;
 
@@ -15,6 +17,11 @@ pub enum SplineKind {
     BSpline,
     /// Bezier pieces, each beginning at the last control point of the one before.
     Bezier,
+}
+
+words! { SplineKind, "kind", "a kind of spline":
+    BSpline => "bspline",
+    Bezier => "bezier",
 }
 
 /// The knots and control points of a curve.

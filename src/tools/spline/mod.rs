@@ -35,6 +35,7 @@ use crate::forward_in_dimension as in_dimension;
 use crate::geometry::{Frame, Mesh, NONE, SurfacePoint, Topology};
 use crate::surface::correspondence::Shape;
 use crate::surface::forward::{AnyForward, Forward, Origin};
+use crate::words::words;
 use curve::{Curve, Sample};
 use layout::Layout;
 
@@ -57,6 +58,11 @@ pub enum Evaluation {
     Direct,
     /// By repeated averages of neighbours first.
     Subdivision,
+}
+
+words! { Evaluation, "mode", "a way to evaluate a spline":
+    Direct => "direct",
+    Subdivision => "subdivision",
 }
 
 /// What a spline is like.

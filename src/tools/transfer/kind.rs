@@ -1,5 +1,7 @@
 //! What the samples of a layer mean.
 
+use crate::words::words;
+
 /// What the samples of a [`Layer`](super::Layer) mean, hence how they are averaged and what the map
 /// does to them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -41,6 +43,11 @@ pub enum NormalY {
     Down,
 }
 
+words! { NormalY, "normal-y", "a direction of green":
+    Up => "up",
+    Down => "down",
+}
+
 /// What becomes of the relief that a normal or displacement map stands for, where the map stretches
 /// the surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -55,6 +62,12 @@ pub enum Relief {
     /// Heights grow with the mesh as a whole and keep their values in a displacement map: what is
     /// stretched beside the rest becomes flatter.
     Mesh,
+}
+
+words! { Relief, "relief", "a treatment of relief":
+    Turned => "turned" "Normals are turned and shade as before; heights keep their values",
+    Local => "local" "Heights grow with the surface around them",
+    Mesh => "mesh" "Heights grow with the mesh as a whole",
 }
 
 impl LayerKind {

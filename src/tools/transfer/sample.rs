@@ -13,6 +13,7 @@ use super::footprint::Footprint;
 use super::mip::{Encoding, Level, MipChain};
 use crate::geometry::{NONE, Wrap};
 use crate::raster::Pixels;
+use crate::words::words;
 
 /// Footprints up to this much wider than a texel, or than a whole number of narrow sides, count as
 /// no wider, so that rounding does not blur.
@@ -35,6 +36,12 @@ pub enum Filter {
     /// Four texels of the picture whatever the footprint: flickers and aliases where the texture is
     /// reduced.
     Bilinear,
+}
+
+words! { Filter, "filter", "a filter":
+    Anisotropic => "anisotropic",
+    Trilinear => "trilinear",
+    Bilinear => "bilinear",
 }
 
 /// Parameters of [`sample_texture`].

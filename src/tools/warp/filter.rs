@@ -6,6 +6,7 @@
 use std::sync::LazyLock;
 
 use crate::engine::Lane;
+use crate::words::words;
 
 /// How colours are taken from the picture at a pre-image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -22,16 +23,11 @@ pub enum Filter {
     Lanczos4,
 }
 
-impl Filter {
-    /// Name on the command line and in reports.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Ewa => "ewa",
-            Self::Bilinear => "bilinear",
-            Self::Lanczos => "lanczos",
-            Self::Lanczos4 => "lanczos4",
-        }
-    }
+words! { Filter, "filter", "a filter":
+    Ewa => "ewa",
+    Bilinear => "bilinear",
+    Lanczos => "lanczos",
+    Lanczos4 => "lanczos4",
 }
 
 /// [`lanczos_weights`] at 512 places, between which they are interpolated: within 2e-6.

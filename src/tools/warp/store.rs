@@ -11,6 +11,7 @@ use crate::engine::{Lane, Lanes, Sweep};
 use crate::raster::{Image, Pixels};
 use crate::tools::transfer::color::Sample;
 use crate::tools::transfer::{Alpha, Encoding};
+use crate::words::words;
 
 /// What the output shows outside the target cage, and in its holes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -24,15 +25,10 @@ pub enum Outside {
     Transparent,
 }
 
-impl Outside {
-    /// Name on the command line and in reports.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Map => "map",
-            Self::Keep => "keep",
-            Self::Transparent => "transparent",
-        }
-    }
+words! { Outside, "outside", "something to show outside":
+    Map => "map",
+    Keep => "keep",
+    Transparent => "transparent",
 }
 
 /// A band of pixels with what each keeps of the original picture.

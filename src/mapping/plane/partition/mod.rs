@@ -181,7 +181,7 @@ pub fn partition_with(
             }
         };
         let kind = path.kind();
-        progress.stage(&format!("partition along the {} path", kind.name()), 0);
+        progress.stage(&format!("partition along the {} path", kind.word()), 0);
         let mut limits = Limits { eps: options.eps, steps: (4.0 / options.eps) as usize };
         if kind == PathKind::Compatible || options.kind == PartitionKind::Continuous {
             limits.eps *= LAST_RESORT;
@@ -208,7 +208,7 @@ pub fn partition_with(
             notes.push(format!(
                 "no path avoids folds at eps = {}; the {} one is kept. A smaller eps may help, or moving vertices apart",
                 options.eps,
-                found.path.name()
+                found.path.word()
             ));
             Ok(finish(found, path, notes, options.coordinates))
         }
@@ -265,7 +265,7 @@ fn note_of(notes: &[String], kind: PathKind, options: &PartitionOptions, found: 
         PathKind::Compatible => {
             Some("the compatible path is used, with steps shorter than eps where it needs them".to_owned())
         }
-        _ if !notes.is_empty() => Some(format!("the {} path is used", kind.name())),
+        _ if !notes.is_empty() => Some(format!("the {} path is used", kind.word())),
         PathKind::Relaxed => Some(format!(
             "the path leads through relaxed polygons, since the {} one comes too close to itself{}",
             if options.path == PathKind::Linear { "linear" } else { "intrinsic" },
@@ -291,7 +291,7 @@ fn describe_fold(partition: &Found) -> String {
     folding.first().map_or_else(String::new, |step| {
         format!(
             "along the {} path {} of {} steps still fold, the first from t = {} to {} (smallest Jacobian {:.3e} at ({:.6}, {:.6}))",
-            partition.path.name(),
+            partition.path.word(),
             folding.len(),
             partition.steps.len(),
             step.from,

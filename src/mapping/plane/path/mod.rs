@@ -19,6 +19,7 @@ use crate::error::{Error, Result};
 use crate::geometry::polygon::Nesting;
 use crate::geometry::{Defect, Polygon};
 use crate::mapping::plane::Cage;
+use crate::words::words;
 
 pub use compatible::Compatible;
 pub use intrinsic::Intrinsic;
@@ -41,16 +42,11 @@ pub enum PathKind {
     Relaxed,
 }
 
-impl PathKind {
-    /// The word of options and reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Intrinsic => "intrinsic",
-            Self::Linear => "linear",
-            Self::Compatible => "compatible",
-            Self::Relaxed => "relaxed",
-        }
-    }
+words! { PathKind, "path", "a path":
+    Intrinsic => "intrinsic",
+    Linear => "linear",
+    Compatible => "compatible",
+    Relaxed => "relaxed",
 }
 
 /// A continuous path from a source polygon (t = 0) to a target (t = 1).
@@ -88,7 +84,7 @@ pub fn polygon_at(path: &dyn VertexPath, t: f64, nesting: &Nesting) -> Result<Po
     let polygon = path.polygon(t)?;
     let at = |what: String| {
         Error::numeric(
-            format!("the {} path fails at t = {t}: {what}", path.kind().name()),
+            format!("the {} path fails at t = {t}: {what}", path.kind().word()),
             "Take another path, or bring source and target closer together",
         )
     };

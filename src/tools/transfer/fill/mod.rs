@@ -16,6 +16,7 @@ use crate::control;
 use crate::error::Result;
 use crate::geometry::NONE;
 use crate::raster::{Image, Pixels};
+use crate::words::words;
 
 use graph::Graph;
 pub(super) use holes::Holes;
@@ -35,6 +36,13 @@ pub enum Fill {
     /// The nearest colour, counted in steps from texel to texel. Labels, which do not mix, get it
     /// whatever is asked for.
     Nearest,
+}
+
+words! { Fill, "fill", "a way to fill":
+    None => "none",
+    PullPush => "pull-push",
+    Smooth => "smooth",
+    Nearest => "nearest",
 }
 
 impl Fill {
