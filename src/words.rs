@@ -5,7 +5,8 @@ use crate::error::{Error, Result};
 /// Gives a plain enum its words: `word()`, `Display`, `FromStr`, serde, and the values of an option
 /// with their help.
 ///
-/// `words! { TYPE, "field", "what it is": VARIANT => "word" "help", ... }`; the help may be missing.
+/// `words! { TYPE, "field", "what it is": VARIANT => "word" "help", ... }`; the help may be
+/// missing.
 macro_rules! words {
     ($type:ident, $field:literal, $what:literal: $($variant:ident => $word:literal $($help:literal)?,)+) => {
         impl $type {

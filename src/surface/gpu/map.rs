@@ -17,8 +17,8 @@ use crate::surface::field::FieldReport;
 use crate::surface::packed::{PackedImage, PackedPoint, PointMap, ResidentMap};
 use crate::surface::project::Projection;
 
-/// CPU half of a device map: it judges what the kernels projected, and computes the points that they
-/// left ([`PointMap::map`]).
+/// CPU half of a device map: it judges what the kernels projected, and computes the points that
+/// they left ([`PointMap::map`]).
 pub trait HostMap: PointMap + Debug {
     /// Triangles of the target.
     fn face_count(&self) -> usize;
