@@ -6,6 +6,9 @@ use std::collections::BinaryHeap;
 use glam::DVec3;
 use rayon::prelude::*;
 
+use crate::control;
+use crate::error::Result;
+
 /// When to stop simplifying, and what not to make.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SimplifyOptions {
@@ -57,18 +60,34 @@ fn rounded(cost: f64) -> u64 {
 ///
 /// Source: the sampling of "Weighted Averages on Surfaces", section 3.5, there done by OpenMesh.
 ///
+/// # Errors
+/// [`crate::Error::Cancelled`].
+///
 /// # Panics
 /// If a triangle names a vertex that does not exist.
-pub(crate) fn simplify(positions: &[DVec3], triangles: &[[u32; 3]], options: &SimplifyOptions) -> Simplified {
+pub(crate) fn simplify(positions: &[DVec3], triangles: &[[u32; 3]], options: &SimplifyOptions) -> Result<Simplified> {
+    control::check()?;
     let mut mesh = Collapser::new(positions, triangles, options.longest_edge);
     let used: Vec<u32> = (0..positions.len() as u32).filter(|&v| !mesh.around[v as usize].is_empty()).collect();
     let mut stamps = vec![0u32; positions.len()];
-    let first: Vec<Reverse<Collapse>> = used.par_iter().filter_map(|&v| mesh.best(v).map(Reverse)).collect();
-    let mut heap = BinaryHeap::from(first);
+    let here = control::current();
+    let slices: Result<Vec<Vec<Reverse<Collapse>>>> = used
+        .par_chunks(SLICE)
+        .map(|slice| {
+            here.check()?;
+            Ok(slice.iter().filter_map(|&v| mesh.best(v).map(Reverse)).collect())
+        })
+        .collect();
+    let mut heap = BinaryHeap::from(slices?.concat());
     let mut left = used.len();
     let mut ring = Vec::new();
+    let mut passes = 0usize;
     while left > options.vertices {
         let Some(Reverse(c)) = heap.pop() else { break };
+        passes += 1;
+        if passes.is_multiple_of(SLICE) {
+            here.check()?;
+        }
         if c.stamp != stamps[c.from as usize] {
             continue;
         }
@@ -92,11 +111,14 @@ pub(crate) fn simplify(positions: &[DVec3], triangles: &[[u32; 3]], options: &Si
             }
         }
     }
-    Simplified {
+    Ok(Simplified {
         vertices: used.into_iter().filter(|&v| !mesh.around[v as usize].is_empty()).collect(),
         triangles: mesh.triangles.iter().zip(&mesh.alive).filter(|(_, a)| **a).map(|(t, _)| *t).collect(),
-    }
+    })
 }
+
+/// Vertices between two looks whether the work is cancelled: a few milliseconds.
+const SLICE: usize = 1024;
 
 /// Vertices of more faces than this stay, and nothing is moved onto them: each collapse looks at
 /// all faces of both ends, and at what may come next around the one that stays. Their neighbours
@@ -164,7 +186,7 @@ impl<'a> Collapser<'a> {
 
     /// The two boundary neighbours of `v` if it is on the boundary; `Err` if its triangles form no
     /// single fan.
-    fn boundary(&self, v: u32) -> Result<Option<[u32; 2]>, ()> {
+    fn boundary(&self, v: u32) -> std::result::Result<Option<[u32; 2]>, ()> {
         let faces = &self.around[v as usize];
         let mut once = [0u32; 2];
         let (mut found, mut count) = (0, 0);
@@ -285,9 +307,10 @@ impl<'a> Collapser<'a> {
                 return None;
             }
         }
-        if self.longest_edge.is_finite()
-            && ring.iter().any(|&w| w != to && self.positions[w as usize].distance(target) > self.longest_edge)
-        {
+        // An edge to the opposite corner of a face that vanishes is there already, however long.
+        let is_opposite = |w: u32| faces.iter().filter(removed).any(|&f| self.triangles[f as usize].contains(&w));
+        let is_too_long = |w: u32| self.positions[w as usize].distance(target) > self.longest_edge;
+        if self.longest_edge.is_finite() && ring.iter().any(|&w| w != to && is_too_long(w) && !is_opposite(w)) {
             return None;
         }
         // Link condition: the common neighbours are the opposite corners of the faces at the edge.
@@ -392,7 +415,7 @@ mod tests {
     #[test]
     fn a_box_keeps_its_shape_down_to_its_corners() {
         let (p, t) = block(4);
-        let s = simplify(&p, &t, &SimplifyOptions { vertices: 8, longest_edge: f64::INFINITY });
+        let s = simplify(&p, &t, &SimplifyOptions { vertices: 8, longest_edge: f64::INFINITY }).unwrap();
         assert_eq!((s.vertices.len(), s.triangles.len()), (8, 12));
         assert!((volume(&p, &s.triangles) - 6.0).abs() < 1e-12);
         let topology = Topology::from_triangles(p.len(), s.triangles.clone(), vec![true; 12]);
@@ -402,7 +425,7 @@ mod tests {
     #[test]
     fn it_stops_at_a_tetrahedron_and_keeps_boundaries() {
         let (p, t) = block(1);
-        let s = simplify(&p, &t, &SimplifyOptions { vertices: 0, longest_edge: f64::INFINITY });
+        let s = simplify(&p, &t, &SimplifyOptions { vertices: 0, longest_edge: f64::INFINITY }).unwrap();
         assert!(s.vertices.len() >= 4 && volume(&p, &s.triangles) > 0.0);
         // A square sheet: its outline stays a square.
         let n = 6u32;
@@ -413,9 +436,9 @@ mod tests {
             .map(|k| (k / n, k % n))
             .flat_map(|(i, j)| [[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]])
             .collect();
-        let s = simplify(&p, &t, &SimplifyOptions { vertices: 4, longest_edge: f64::INFINITY });
+        let s = simplify(&p, &t, &SimplifyOptions { vertices: 4, longest_edge: f64::INFINITY }).unwrap();
         assert_eq!(s.vertices, vec![0, n, at(n, 0), at(n, n)]);
-        let bounded = simplify(&p, &t, &SimplifyOptions { vertices: 4, longest_edge: 2.3 });
+        let bounded = simplify(&p, &t, &SimplifyOptions { vertices: 4, longest_edge: 2.3 }).unwrap();
         assert!(
             bounded
                 .triangles
@@ -431,7 +454,20 @@ mod tests {
             [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z, DVec3::NEG_X, DVec3::NEG_Y, DVec3::NEG_Z].into();
         let tetrahedron = |a, b, c, d| [[a, b, c], [a, c, d], [a, d, b], [b, d, c]];
         let t = [tetrahedron(0, 1, 2, 3), tetrahedron(0, 4, 5, 6)].concat();
-        let s = simplify(&p, &t, &SimplifyOptions { vertices: 1, longest_edge: f64::INFINITY });
+        let s = simplify(&p, &t, &SimplifyOptions { vertices: 1, longest_edge: f64::INFINITY }).unwrap();
         assert!(s.vertices.contains(&0) && s.triangles.len() == 8);
+    }
+
+    #[test]
+    fn edges_that_were_long_already_do_not_keep_a_mesh_from_being_simplified() {
+        // Half a wheel: the rim collapses although every spoke is longer than the bound.
+        let n = 400u32;
+        let rim = |i: u32| DVec3::new((f64::from(i) * 0.005).cos(), (f64::from(i) * 0.005).sin(), 0.0);
+        let p: Vec<DVec3> = std::iter::once(DVec3::ZERO).chain((0..=n).map(rim)).collect();
+        let t: Vec<[u32; 3]> = (1..=n).map(|i| [0, i, i + 1]).collect();
+        let s = simplify(&p, &t, &SimplifyOptions { vertices: 100, longest_edge: 0.05 }).unwrap();
+        assert_eq!((s.vertices.len(), s.vertices[0]), (100, 0));
+        let spans = s.vertices[1..].windows(2).map(|w| p[w[0] as usize].distance(p[w[1] as usize]));
+        assert!(spans.fold(0.0, f64::max) <= 0.05);
     }
 }

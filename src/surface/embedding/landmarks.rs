@@ -42,20 +42,20 @@ struct MidLevel {
 impl MidLevel {
     /// `count` is the number of landmarks asked for: there are four times as many vertices, if the
     /// part has them.
-    fn new(part: &Part, count: usize, options: &EmbeddingOptions) -> Self {
+    fn new(part: &Part, count: usize, options: &EmbeddingOptions) -> Result<Self> {
         let n = part.vertices.len();
         let mid = options.mid_level.max(4 * count);
         let all: Vec<u32> = (0..n as u32).collect();
         let (mut vertices, mut triangles) = (all, part.triangles.clone());
         if n > mid + mid / 4 {
             let longest_edge = MID_EDGE * (part.area / mid as f64).sqrt();
-            let simple = simplify(&part.positions, &triangles, &SimplifyOptions { vertices: mid, longest_edge });
+            let simple = simplify(&part.positions, &triangles, &SimplifyOptions { vertices: mid, longest_edge })?;
             (vertices, triangles) = (simple.vertices, simple.triangles);
         }
         let own: HashMap<u32, u32> = vertices.iter().enumerate().map(|(i, &v)| (v, i as u32)).collect();
         let positions: Vec<DVec3> = vertices.iter().map(|&v| part.positions[v as usize]).collect();
         let triangles: Vec<[u32; 3]> = triangles.iter().map(|t| t.map(|v| own[&v])).collect();
-        Self { vertices, positions, triangles }
+        Ok(Self { vertices, positions, triangles })
     }
 
     fn geodesics(&self) -> Geodesics {
@@ -74,7 +74,7 @@ pub(crate) fn choose(
 ) -> Result<Landmarks> {
     let clock = Instant::now();
     progress.stage("simplification", 1);
-    let mid = MidLevel::new(part, count, options);
+    let mid = MidLevel::new(part, count, options)?;
     seconds.simplification += clock.elapsed().as_secs_f64();
     let clock = Instant::now();
     progress.stage("landmarks", 1);
@@ -84,7 +84,7 @@ pub(crate) fn choose(
     } else {
         match options.sampling {
             Sampling::FarthestPoint => farthest_points(&geodesics, 0, count),
-            Sampling::Decimation => decimated(part, &geodesics, &mid.positions, &mid.triangles, count),
+            Sampling::Decimation => decimated(part, &geodesics, &mid.positions, &mid.triangles, count)?,
         }
     };
     seconds.sampling += clock.elapsed().as_secs_f64();
@@ -104,7 +104,7 @@ pub(crate) fn measure(
     options: &EmbeddingOptions,
     progress: &dyn Progress,
 ) -> Result<Option<Vec<f64>>> {
-    let mid = MidLevel::new(part, count, options);
+    let mid = MidLevel::new(part, count, options)?;
     let own: HashMap<u32, u32> = mid.vertices.iter().enumerate().map(|(i, &v)| (v, i as u32)).collect();
     let chosen: Option<Vec<u32>> = landmarks.iter().map(|v| own.get(v).copied()).collect();
     chosen.map(|chosen| distances(&mid.geodesics(), &chosen, progress)).transpose()
@@ -135,12 +135,13 @@ fn decimated(
     positions: &[DVec3],
     triangles: &[[u32; 3]],
     count: usize,
-) -> Vec<u32> {
+) -> Result<Vec<u32>> {
     let longest_edge = LANDMARK_EDGE * (part.area / count as f64).sqrt();
-    let mut left = simplify(positions, triangles, &SimplifyOptions { vertices: count, longest_edge });
+    let mut left = simplify(positions, triangles, &SimplifyOptions { vertices: count, longest_edge })?;
     if left.vertices.len() > count {
-        left = simplify(positions, &left.triangles, &SimplifyOptions { vertices: count, longest_edge: f64::INFINITY });
+        left = simplify(positions, &left.triangles, &SimplifyOptions { vertices: count, longest_edge: f64::INFINITY })?;
     }
     // Topology and vertices without a fan can forbid going as low as asked for.
-    if left.vertices.len() > count + count / 4 { farthest_points(geodesics, 0, count) } else { left.vertices }
+    let stuck = left.vertices.len() > count + count / 4;
+    Ok(if stuck { farthest_points(geodesics, 0, count) } else { left.vertices })
 }

@@ -37,7 +37,7 @@ pub fn automatic_base(mesh: &Mesh, topology: &Topology, vertices: usize) -> Resu
     }
     // A closed mesh has about twice as many triangles as vertices.
     let edge = (mesh.area() / (2.0 * vertices as f64) * 4.0 / 3f64.sqrt()).sqrt();
-    let left = simplify(&mesh.positions, &usable, &SimplifyOptions { vertices, longest_edge: LONGEST * edge });
+    let left = simplify(&mesh.positions, &usable, &SimplifyOptions { vertices, longest_edge: LONGEST * edge })?;
     let coarse =
         Topology::from_triangles(mesh.vertex_count(), left.triangles.clone(), vec![true; left.triangles.len()]);
     // Every inner edge, with how bad the quad is that it would vanish in.
