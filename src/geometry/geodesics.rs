@@ -17,25 +17,26 @@ use crate::error::{Error, Result};
 
 /// A vertex that has been marched from is marched from again if its distance falls by more than
 /// this part of it.
-const REOPEN: f64 = 1e-7;
+pub(crate) const REOPEN: f64 = 1e-7;
 
 /// One triangle seen from one of its vertices.
 #[derive(Clone, Copy, Debug)]
-struct Wedge {
+pub(crate) struct Wedge {
     /// The other two vertices.
-    ends: [u32; 2],
+    pub(crate) ends: [u32; 2],
     /// Their distances from the vertex.
-    lengths: [f64; 2],
+    pub(crate) lengths: [f64; 2],
     /// Cosine and sine of the angle at the vertex.
-    cos: f64,
-    sin: f64,
+    pub(crate) cos: f64,
+    pub(crate) sin: f64,
     /// Whether the angles at the other two vertices are obtuse.
-    obtuse: [bool; 2],
+    pub(crate) obtuse: [bool; 2],
 }
 
 /// Distances on one mesh; holds its triangles in the form marching needs.
 #[derive(Clone, Debug)]
 pub struct Geodesics {
+    pub(crate) positions: Vec<DVec3>,
     start: Vec<u32>,
     wedges: Vec<Wedge>,
 }
@@ -46,12 +47,12 @@ pub struct March {
     /// Distance of each vertex from the source, infinite where it was not reached.
     pub distances: Vec<f64>,
     /// The distance a vertex was last marched from with.
-    marched: Vec<f64>,
-    heap: BinaryHeap<Reverse<u64>>,
+    pub(crate) marched: Vec<f64>,
+    pub(crate) heap: BinaryHeap<Reverse<u64>>,
 }
 
 /// Orders by distance (rounded to single precision, which keeps its order), then by vertex.
-fn key(distance: f64, vertex: u32) -> u64 {
+pub(crate) fn key(distance: f64, vertex: u32) -> u64 {
     (u64::from((distance as f32).to_bits()) << 32) | u64::from(vertex)
 }
 
@@ -101,7 +102,7 @@ impl Geodesics {
                 *slot += 1;
             }
         }
-        Self { start, wedges }
+        Self { positions: positions.to_vec(), start, wedges }
     }
 
     /// Number of vertices.
@@ -134,6 +135,13 @@ impl Geodesics {
         if source as usize >= count {
             return;
         }
+        self.spread(source, march, f64::INFINITY, |_| ());
+    }
+
+    /// [`Self::add_source`] up to a distance of `bound`. `first` is called with each vertex that
+    /// is marched from for the first time; those that are reached and not yet marched from stay in
+    /// the heap.
+    pub(crate) fn spread(&self, source: u32, march: &mut March, bound: f64, mut first: impl FnMut(u32)) {
         let March { distances, marched, heap } = march;
         heap.clear();
         distances[source as usize] = 0.0;
@@ -144,8 +152,15 @@ impl Geodesics {
             if marched[v] == d {
                 continue;
             }
+            if d > bound {
+                heap.push(Reverse(top));
+                break;
+            }
+            if marched[v].is_infinite() {
+                first(v as u32);
+            }
             marched[v] = d;
-            for wedge in &self.wedges[self.start[v] as usize..self.start[v + 1] as usize] {
+            for wedge in self.wedges_at(v) {
                 for side in 0..2 {
                     let (target, other) = (wedge.ends[side] as usize, wedge.ends[1 - side] as usize);
                     let old = distances[target];
@@ -169,6 +184,41 @@ impl Geodesics {
                 }
             }
         }
+    }
+
+    /// The triangles around a vertex.
+    pub(crate) fn wedges_at(&self, v: usize) -> &[Wedge] {
+        &self.wedges[self.start[v] as usize..self.start[v + 1] as usize]
+    }
+
+    /// The same with vertices numbered breadth first, so that the data of neighbours lie near one
+    /// another in memory, and the new number of each vertex. O(V + F).
+    pub(crate) fn breadth_first(&self) -> (Self, Vec<u32>) {
+        let n = self.vertex_count();
+        let (mut number, mut order) = (vec![u32::MAX; n], Vec::with_capacity(n));
+        for seed in 0..n as u32 {
+            let mut done = order.len();
+            let mut reach = |v: u32, order: &mut Vec<u32>| {
+                if number[v as usize] == u32::MAX {
+                    number[v as usize] = order.len() as u32;
+                    order.push(v);
+                }
+            };
+            reach(seed, &mut order);
+            while let Some(&v) = order.get(done) {
+                done += 1;
+                self.wedges_at(v as usize).iter().flat_map(|w| w.ends).for_each(|w| reach(w, &mut order));
+            }
+        }
+        let mut start = vec![0];
+        let mut wedges = Vec::with_capacity(self.wedges.len());
+        for &v in &order {
+            let moved = |w: &Wedge| Wedge { ends: w.ends.map(|v| number[v as usize]), ..*w };
+            wedges.extend(self.wedges_at(v as usize).iter().map(moved));
+            start.push(wedges.len() as u32);
+        }
+        let positions = order.iter().map(|&v| self.positions[v as usize]).collect();
+        (Self { positions, start, wedges }, number)
     }
 
     /// Distances between all pairs of `sources`, row-major; row i comes from the march that starts

@@ -6,7 +6,7 @@ use glam::DVec3;
 use web_time::Instant;
 
 use super::parts::Part;
-use super::{EmbeddingOptions, Sampling, Seconds};
+use super::{EmbeddingOptions, Sampling, Seconds, together};
 use crate::control;
 use crate::error::Result;
 use crate::geometry::sampling::farthest_points;
@@ -114,7 +114,7 @@ pub(crate) fn measure(
 fn distances(geodesics: &Geodesics, chosen: &[u32], progress: &dyn Progress) -> Result<Vec<f64>> {
     progress.stage("geodesic distances", chosen.len() as u64);
     let here = control::current();
-    let raw = geodesics.matrix(chosen, || {
+    let raw = together::matrix(geodesics, chosen, || {
         progress.advance(1);
         here.check()
     })?;

@@ -12,6 +12,7 @@ mod least_squares;
 mod parts;
 mod rescaling;
 mod scaling;
+mod together;
 
 use web_time::Instant;
 
