@@ -149,6 +149,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let e = s.evaluations;
     report["evaluations"] = json!({
         "squares": e.squares,
+        "single": e.single,
         "pixels": e.pixels,
         "refined": e.refined,
         "per_pixel": (e.squares + e.pixels) as f64 / s.pixels as f64,

@@ -74,6 +74,28 @@ fn run(
     Ok(())
 }
 
+/// As [`map_points_on_cpu`] with derivatives in single precision, for points in two parts, whose
+/// sum is the point: displacements have the digits of single precision, points those of both parts.
+/// Where steps are short, that is accurate to a small part of what the size of the polygons is
+/// rounded to.
+pub(super) fn map_points_in_parts(
+    lanes: Lanes,
+    steps: &[Step<f32>],
+    points: &mut [[[f32; 2]; 2]],
+    derivatives: &mut [[[f32; 2]; 2]],
+) {
+    let steps: Vec<SweepStep<'_, f32>> = steps.iter().map(SweepStep::new).collect();
+    let chunks = points.par_chunks_mut(CHUNK).zip(derivatives.par_chunks_mut(CHUNK));
+    chunks.for_each(|(points, derivatives)| {
+        let mut tile = SweepPoints::in_parts(points, derivatives);
+        steps.iter().for_each(|step| step.apply(lanes, &mut tile));
+        let mut first = vec![[0.0; 2]; points.len()];
+        tile.store(&mut first, Some(derivatives));
+        points.iter_mut().zip(first).for_each(|(p, first)| p[0] = first);
+        tile.store_tails(points);
+    });
+}
+
 /// As [`map_points`] on the CPU, in either precision. With `derivatives`, as long as `points`, each
 /// is multiplied from the left by the derivative of the map: start from the identity. The same
 /// result for any number of threads.

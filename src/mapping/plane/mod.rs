@@ -60,7 +60,7 @@ pub use minimum::{Minimum, MinimumKind, SampleOptions};
 pub use partition::partition_with;
 pub use partition::{Partition, PartitionKind, PartitionOptions, StepReport, partition};
 #[doc(hidden)]
-pub use patches::{Found, Leaf, NOWHERE, Open, Patch, PatchOptions, Patches, Solved};
+pub use patches::{Evaluated, Found, Leaf, Maps, NOWHERE, Open, Patch, PatchOptions, Patches, Solved};
 #[doc(hidden)]
 pub use path::vertex_path;
 pub use path::{PathKind, VertexPath};

@@ -15,6 +15,8 @@ use crate::engine::{Lane, LaneScalar, Lanes, Real, Sweep, TILE};
 pub(super) struct SweepPoints<E> {
     x: Vec<E>,
     y: Vec<E>,
+    /// What the points are more than their components; empty where that is not wanted.
+    tail: [Vec<E>; 2],
     /// The entries of the derivatives, row by row; empty where they are not wanted.
     derivative: [Vec<E>; 4],
 }
@@ -28,7 +30,26 @@ impl<E: Real> SweepPoints<E> {
             None => Default::default(),
             Some(d) => std::array::from_fn(|k| padded(&|i| d[i][k / 2][k % 2])),
         };
-        Self { x: padded(&|i| points[i][0]), y: padded(&|i| points[i][1]), derivative }
+        Self { x: padded(&|i| points[i][0]), y: padded(&|i| points[i][1]), tail: Default::default(), derivative }
+    }
+
+    /// Points in two parts, the second smaller than a rounding of the first, with derivatives. A
+    /// step takes the first part as the point, and the second by its derivative, so that points do
+    /// not lose to rounding from step to step what displacements, being small, still have.
+    pub(super) fn in_parts(points: &[[[E; 2]; 2]], derivatives: &[[[E; 2]; 2]]) -> Self {
+        let first: Vec<[E; 2]> = points.iter().map(|p| p[0]).collect();
+        let mut all = Self::new(&first, Some(derivatives));
+        let tail = |axis: usize| (0..all.x.len()).map(|i| points[i.min(points.len() - 1)][1][axis]).collect();
+        all.tail = [tail(0), tail(1)];
+        all
+    }
+
+    /// The second parts of points that have them.
+    pub(super) fn store_tails(&self, points: &mut [[[E; 2]; 2]]) {
+        let [x, y] = &self.tail;
+        for ((p, x), y) in points.iter_mut().zip(x).zip(y) {
+            p[1] = [*x, *y];
+        }
     }
 
     /// Back into pairs.
@@ -50,6 +71,11 @@ impl<E: Real> SweepPoints<E> {
     fn advance(&mut self, step: &Step<E>, i: usize) {
         let e = step.evaluate([self.x[i], self.y[i]]);
         [self.x[i], self.y[i]] = e.point;
+        let [x, y] = &mut self.tail;
+        if let (Some(x), Some(y)) = (x.get_mut(i), y.get_mut(i)) {
+            let tail = [*x, *y];
+            [*x, *y] = e.derivative.map(|row| row[0] * tail[0] + row[1] * tail[1]);
+        }
         if self.has_derivatives() {
             let [a, b, c, d] = &mut self.derivative;
             let [[p, q], [r, s]] = product(e.derivative, [[a[i], b[i]], [c[i], d[i]]]);
@@ -117,6 +143,14 @@ fn any_at_vertex<L: Lane>(cpu: L::Cpu, square: L) -> bool {
     L::any(cpu, square.lt(L::num(cpu, 2.0 * AT_VERTEX * AT_VERTEX)))
 }
 
+/// a + b in two parts, exactly: the rounded sum, and what it is less (Knuth).
+#[inline(always)]
+fn sum<L: Lane>(a: L, b: L) -> (L, L) {
+    let sum = a + b;
+    let part = sum - a;
+    (sum, (a - (sum - part)) + (b - part))
+}
+
 struct Apply<'a, 'b, E> {
     step: &'a SweepStep<'b, E>,
     points: &'a mut SweepPoints<E>,
@@ -143,8 +177,20 @@ impl<E: LaneScalar> Sweep<E> for Apply<'_, '_, E> {
                     p.mul_add(u, q * v).store(&mut upper[at..]);
                     r.mul_add(u, s * v).store(&mut lower[at..]);
                 }
-                (x + found.moved[0]).store(&mut points.x[at..]);
-                (y + found.moved[1]).store(&mut points.y[at..]);
+                let [mx, my] = found.moved;
+                let [tx, ty] = &mut points.tail;
+                if tx.is_empty() {
+                    (x + mx).store(&mut points.x[at..]);
+                    (y + my).store(&mut points.y[at..]);
+                    continue;
+                }
+                let (u, v) = (L::load(cpu, &tx[at..]), L::load(cpu, &ty[at..]));
+                let (x, u) = sum(x, p.mul_add(u, q.mul_add(v, mx)));
+                let (y, v) = sum(y, r.mul_add(L::load(cpu, &tx[at..]), s.mul_add(v, my)));
+                x.store(&mut points.x[at..]);
+                y.store(&mut points.y[at..]);
+                u.store(&mut tx[at..]);
+                v.store(&mut ty[at..]);
             } else {
                 let (by, square) = moved::<L>(cpu, step, x, y);
                 if any_at_vertex(cpu, square) {

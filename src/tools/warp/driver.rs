@@ -95,11 +95,14 @@ pub struct WarpStats {
     pub stages: Vec<StageTime>,
 }
 
-/// Evaluations of a whole map in double precision.
+/// Evaluations of a whole map, in double precision where nothing else is said.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Evaluations {
-    /// For the squares of the picture whose polynomials give the pre-images of most pixels.
+    /// For the squares of the picture whose polynomials give the pre-images of most pixels: one for
+    /// each where single precision is enough for the rest.
     pub squares: u64,
+    /// For the squares in single precision.
+    pub single: u64,
     /// For pixels that no polynomial is bounded at: one for each.
     pub pixels: u64,
     /// Pixels, of those, that one was not enough for; they take ten or so.
@@ -141,7 +144,8 @@ pub fn warp_picture(
     let mut out = Image::zeros(width, height, image.channels + u32::from(alpha), image.depth())?;
     let mut jacobian = options.jacobian.then(|| vec![f32::NAN; width as usize * height as usize]);
     let mut stats = WarpStats { pixels: u64::from(width) * u64::from(height), memory, ..WarpStats::default() };
-    stats.evaluations.squares = squares.as_ref().map_or(0, |s| s.evaluations()) as u64;
+    let evaluated = squares.as_ref().map(|s| s.evaluations()).unwrap_or_default();
+    (stats.evaluations.squares, stats.evaluations.single) = (evaluated.exact as u64, evaluated.cheap as u64);
     let mut work = Work::default();
     progress.stage("pixels", stats.pixels);
     let rows = (BAND_PIXELS / width as usize).clamp(1, height as usize);

@@ -11,15 +11,15 @@ use super::footprint::{Footprint, Setter};
 use super::store::Outside;
 use crate::engine::{Backend, Engine};
 use crate::error::Result;
-use crate::mapping::plane::{CompositeMap, Leaf, Mapped, NOWHERE, PatchOptions, Patches, Solved};
+use crate::mapping::plane::{CompositeMap, Evaluated, Leaf, Mapped, Maps, NOWHERE, PatchOptions, Patches, Solved};
 
 /// Side of the coarsest squares, in pixels of the picture, unless it is huge.
 const COARSEST: f64 = 64.0;
 /// What is seen of the picture's border, in pixels around it.
 const MARGIN: f64 = 16.0;
-/// Pixels that a square is not worth dividing for: its quarters take 28 evaluations, and not all of
-/// them are bounded.
-const WORTH: f64 = 32.0;
+/// Pixels that a square is not worth dividing for: its quarters take 28 cheap evaluations and 4 in
+/// double precision, and not all of them are bounded.
+const WORTH: f64 = 8.0;
 
 /// A tolerance in pixels that single precision cannot keep in squares that are worth it: that of
 /// cages of a few pixels.
@@ -46,7 +46,7 @@ pub(super) struct Squares {
 }
 
 impl Squares {
-    pub(super) fn evaluations(&self) -> usize {
+    pub(super) fn evaluations(&self) -> Evaluated {
         self.patches.evaluations
     }
 }
@@ -63,7 +63,30 @@ fn size(of: [u32; 2]) -> DVec2 {
     UVec2::from(of).as_dvec2()
 }
 
+impl Maps for Sight<'_> {
+    fn exact(&self, points: &[DVec2]) -> Result<Vec<Mapped>> {
+        Ok(self.in_pixels(self.map.forward_in_double(&self.in_units(points))))
+    }
+
+    fn cheap(&self, points: &[DVec2]) -> Result<Vec<Mapped>> {
+        Ok(self.in_pixels(self.map.forward_in_parts(&self.in_units(points))))
+    }
+}
+
 impl Sight<'_> {
+    fn in_units(&self, points: &[DVec2]) -> Vec<DVec2> {
+        points.iter().map(|p| self.options.source.to_units(*p)).collect()
+    }
+
+    fn in_pixels(&self, mapped: Vec<Mapped>) -> Vec<Mapped> {
+        let o = self.options;
+        let in_pixels = |m: Mapped| Mapped {
+            point: o.target.to_pixels(m.point),
+            derivative: o.source.derivative(&o.target, m.derivative),
+        };
+        mapped.into_iter().map(in_pixels).collect()
+    }
+
     /// `None` if no part of the picture matters.
     pub(super) fn squares(&self) -> Result<Option<Squares>> {
         let o = self.options;
@@ -96,14 +119,7 @@ impl Sight<'_> {
             vertices,
             evaluations: NODES.min(FEWEST + more),
         };
-        let patches = Patches::new(low, high, &options, |points| {
-            let units: Vec<DVec2> = points.iter().map(|p| o.source.to_units(*p)).collect();
-            let in_pixels = |m: Mapped| Mapped {
-                point: o.target.to_pixels(m.point),
-                derivative: o.source.derivative(&o.target, m.derivative),
-            };
-            Ok(self.map.forward_in_double(&units).into_iter().map(in_pixels).collect())
-        })?;
+        let patches = Patches::new(low, high, &options, self)?;
         Ok(Some(Squares { patches, clipped }))
     }
 

@@ -139,8 +139,8 @@ fn seen_error<'a>(
 }
 
 impl Patch {
-    /// The patch of a square, given the map at the nodes and at the points held out, or `None` if
-    /// the error of pre-images, times the derivative there, cannot be said to stay below
+    /// The patch of a square, given the map at the nodes and at the points held out, with the bound
+    /// of the error of pre-images times the derivative there, or `None` if that is above
     /// `tolerance`.
     ///
     /// Images are c + A (p + g(p)) for p in the square from -1 to 1, where g has the terms of
@@ -152,7 +152,7 @@ impl Patch {
         nodes: &[Mapped; 9],
         held: &[Mapped; 4],
         tolerance: f64,
-    ) -> Option<Self> {
+    ) -> Option<(Self, f64)> {
         let coefficients = fit(&nodes.each_ref().map(|m| data(m, half)));
         let forward = DMat2::from_cols(coefficients[1], coefficients[2]);
         let inverse = forward.inverse();
@@ -171,18 +171,20 @@ impl Patch {
         let residual = SAFETY * seen_error(&coefficients, nodes.iter().chain(held), half, inverse) + ROUNDING;
         let off = std::f64::consts::SQRT_2 * residual / (1.0 - theta);
         let steepest = (forward.x_axis.length_squared() + forward.y_axis.length_squared()).sqrt() * (1.0 + theta);
-        if !(off * steepest <= tolerance) {
+        let error = off * steepest;
+        if !(error <= tolerance) {
             return None;
         }
         let reach = bound(None);
-        Some(Self {
+        let patch = Self {
             centre,
             half,
             image: coefficients[0],
             inverse,
             bend: [bend.map(|c| c.x as f32), bend.map(|c| c.y as f32)],
             reach,
-        })
+        };
+        Some((patch, error))
     }
 }
 
@@ -268,7 +270,7 @@ mod tests {
                         let kept = Patch::new(DVec2::ZERO, 1.0, &nodes, &held, middle).is_some();
                         (low, high) = if kept { (low, middle) } else { (middle, high) };
                     }
-                    let Some(patch) = Patch::new(DVec2::ZERO, 1.0, &nodes, &held, high) else {
+                    let Some((patch, _)) = Patch::new(DVec2::ZERO, 1.0, &nodes, &held, high) else {
                         // Beside a vertex a square may be divided whatever it seems; farther off
                         // not.
                         assert!(k < 2, "{far} {side}");
