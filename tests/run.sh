@@ -82,11 +82,13 @@ read -r passed failed ignored < <(awk '
         }
     }
     END { print p + 0, f + 0, g + 0 }' "$work/log")
-skipped=$(grep '^SKIPPED:' "$work/log" | grep -vc 'glTF validator' || true)
+skipped=$(grep '^SKIPPED:' "$work/log" | grep -vc 'glTF validator\|no Chromium' || true)
+browsers=$(grep -c '^SKIPPED: no Chromium' "$work/log" || true)
 unvalidated=$(grep -c '^SKIPPED: no glTF validator' "$work/log" || true)
 echo
 [ "$ignored" = 0 ] || echo "$ignored tests ignored: they need the real models that BARYMAP_DATA names"
 [ "$skipped" = 0 ] || echo "$skipped times a GPU test was skipped: no adapter (see barymap devices)"
+[ "$browsers" = 0 ] || echo "$browsers tests in a browser were skipped: bash tests/browser.sh runs them"
 [ "$unvalidated" = 0 ] || echo "$unvalidated times the files of a command were not validated: no glTF validator"
 # A build that fails, or a binary that crashes, reports no failed test.
 if [ "$status" != 0 ] && [ "$failed" = 0 ]; then

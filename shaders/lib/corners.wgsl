@@ -20,16 +20,17 @@ struct PlaneParams {
     unused1: u32,
 }
 
-// Position and displacement of vertex i.
+// Position and displacement of vertex i. Every block has a vertex j, so all are read and no branch is
+// taken: this is inlined often, and SwiftShader compiles for minutes where each has its branches.
 fn corner(i: u32) -> vec4f {
     if MANY {
         let j = i & 1023u;
-        switch i >> 10u {
-            case 0u: { return corners0[j]; }
-            case 1u: { return corners1[j]; }
-            case 2u: { return corners2[j]; }
-            default: { return corners3[j]; }
-        }
+        let odd = (i & 1024u) != 0u;
+        var block0 = corners0[j];
+        var block1 = corners1[j];
+        var block2 = corners2[j];
+        var block3 = corners3[j];
+        return select(select(block0, block1, odd), select(block2, block3, odd), i >= 2048u);
     }
     return corners0[i];
 }

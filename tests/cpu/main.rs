@@ -4,6 +4,7 @@
 mod accuracy;
 mod anchors;
 mod bad_arguments;
+mod browser;
 #[path = "../common/mod.rs"]
 mod common;
 mod control;

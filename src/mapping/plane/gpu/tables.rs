@@ -92,7 +92,7 @@ impl StepTables {
 
     /// What both kernels bind first.
     pub(super) fn bindings(&self) -> Vec<Binding<'_>> {
-        // Blocks past the last repeat it; nothing there is read.
+        // Blocks past the last repeat it; what kernels read there they do not choose.
         let corners = (0..BLOCKS).map(|i| self.corners.bind(i));
         [self.params.bind(0), self.rings.bind(0)].into_iter().chain(corners).collect()
     }

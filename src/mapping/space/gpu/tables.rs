@@ -79,7 +79,7 @@ impl StepTables {
 
     /// What both kernels bind first.
     pub(super) fn bindings(&self) -> Vec<Binding<'_>> {
-        // Blocks past the last repeat it; nothing there is read.
+        // Blocks past the last repeat it; what kernels read there they do not choose.
         std::iter::once(self.params.bind(0)).chain((0..BLOCKS).map(|i| self.faces.bind(i))).collect()
     }
 }
