@@ -6,6 +6,7 @@
 #![allow(missing_docs, reason = "`device` documents the same items")]
 
 use std::convert::Infallible;
+use std::future::Ready;
 use std::marker::PhantomData;
 use std::ops::Range;
 use std::sync::Arc;
@@ -27,6 +28,10 @@ impl Engine {
             what: "barymap was built without the feature gpu".into(),
             remedy: "Build it with the feature, or use the CPU back end".into(),
         })
+    }
+
+    pub(super) async fn start_adapter(options: &EngineOptions, software: bool) -> Result<Self> {
+        Self::on_adapter(options, software)
     }
 }
 
@@ -123,6 +128,7 @@ impl Gpu {
             fill: impl FnMut(u32, u32, &mut [T]),
         ) -> Result<Pyramid>;
         fn read[T: Pod](&self, from: &Buffer<T>, range: Range<usize>) -> Result<Vec<T>>;
+        fn read_async[T: Pod](&self, from: &Buffer<T>, range: Range<usize>) -> Ready<Result<Vec<T>>>;
     }
 }
 

@@ -56,12 +56,38 @@ impl Engine {
     pub fn new(options: EngineOptions) -> Result<Self> {
         match options.backend {
             Backend::Cpu | Backend::Reference => Ok(Self::on_cpu(options.backend)),
-            Backend::Gpu => Self::on_adapter(&options, true),
-            Backend::Auto => match Self::on_adapter(&options, false) {
-                Ok(engine) => Ok(engine),
-                Err(e) if options.adapter.is_some() => Err(e),
-                Err(e) => Ok(Self { note: Some(format!("working on the CPU: {e}")), ..Self::on_cpu(Backend::Cpu) }),
-            },
+            wanted => {
+                let started = Self::on_adapter(&options, wanted == Backend::Gpu);
+                Self::or_cpu(&options, started)
+            }
+        }
+    }
+
+    /// [`Engine::new`] for a browser, where a thread cannot wait for a device. Elsewhere the thread
+    /// is kept, as by [`Engine::new`].
+    ///
+    /// On such an engine await [`Gpu::read_async`]; what reads results otherwise, as the jobs in
+    /// [`tools`](crate::tools) do, fails in a browser.
+    ///
+    /// # Errors
+    /// As [`Engine::new`].
+    pub async fn start(options: EngineOptions) -> Result<Self> {
+        match options.backend {
+            Backend::Cpu | Backend::Reference => Ok(Self::on_cpu(options.backend)),
+            wanted => {
+                let started = Self::start_adapter(&options, wanted == Backend::Gpu).await;
+                Self::or_cpu(&options, started)
+            }
+        }
+    }
+
+    /// What was started; or the CPU, where the options leave the choice.
+    fn or_cpu(options: &EngineOptions, started: Result<Self>) -> Result<Self> {
+        match started {
+            Err(e) if options.backend == Backend::Auto && options.adapter.is_none() => {
+                Ok(Self { note: Some(format!("working on the CPU: {e}")), ..Self::on_cpu(Backend::Cpu) })
+            }
+            started => started,
         }
     }
 

@@ -73,6 +73,33 @@ fn a_borrowed_device_runs_kernels() {
 }
 
 #[test]
+fn awaited_calls_do_what_waiting_ones_do() {
+    if engine().is_none() {
+        return;
+    }
+    let options = EngineOptions { backend: Backend::Gpu, ..Default::default() };
+    let awaited = pollster::block_on(Engine::start(options.clone())).unwrap();
+    assert_eq!(awaited.description(), Engine::new(options.clone()).unwrap().description());
+    let gpu = awaited.gpu().unwrap();
+    let values = gpu.upload("values", &[1u32, 2, 3]).unwrap();
+    assert_eq!(pollster::block_on(gpu.read_async(&values, 1..3)).unwrap(), [2, 3]);
+    assert!(pollster::block_on(gpu.read_async(&values, 2..2)).unwrap().is_empty());
+    let beyond = pollster::block_on(gpu.read_async(&values, 1..4)).unwrap_err();
+    assert_eq!(beyond.to_string(), gpu.read(&values, 1..4).unwrap_err().to_string());
+
+    let auto = EngineOptions::default();
+    let found = pollster::block_on(Engine::start(auto.clone())).unwrap();
+    assert_eq!(found.note(), Engine::new(auto.clone()).unwrap().note());
+    for wanted in [options, auto] {
+        let missing = EngineOptions { adapter: Some("no such adapter 3f9a".into()), ..wanted };
+        let refused = pollster::block_on(Engine::start(missing)).unwrap_err();
+        assert!(matches!(refused, Error::NoAdapter { .. }), "{refused}");
+    }
+    let cpu = EngineOptions { backend: Backend::Cpu, ..Default::default() };
+    assert!(pollster::block_on(Engine::start(cpu)).unwrap().gpu().is_none());
+}
+
+#[test]
 fn traffic_is_counted() {
     if engine().is_none() {
         return;

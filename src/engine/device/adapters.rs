@@ -1,12 +1,13 @@
 //! Finding adapters and saying what they are.
 
+use super::waiting::block_on;
 use crate::engine::AdapterSummary;
 use crate::error::{Error, Result};
 
 impl AdapterSummary {
     fn of(info: &wgpu::AdapterInfo, limits: &wgpu::Limits, preferred: bool) -> Self {
         Self {
-            name: info.name.clone(),
+            name: name(info),
             driver: driver(info),
             interface: info.backend.to_string(),
             kind: kind(info.device_type),
@@ -16,6 +17,11 @@ impl AdapterSummary {
             preferred,
         }
     }
+}
+
+/// The name that the driver gives; browsers may give none.
+pub(super) fn name(info: &wgpu::AdapterInfo) -> String {
+    if info.name.is_empty() { "the browser's adapter".into() } else { info.name.clone() }
 }
 
 /// Driver and version in a few words.
@@ -52,14 +58,17 @@ fn instance() -> wgpu::Instance {
     let mut desc = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
     // Compute on OpenGL is known to be wrong on software drivers, and every adapter we want has a
     // better interface.
-    desc.backends &= wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12;
+    desc.backends &=
+        wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12 | wgpu::Backends::BROWSER_WEBGPU;
     wgpu::Instance::new(desc)
 }
 
 /// All adapters that can run kernels, best first; ties keep the driver's order.
-fn candidates() -> Vec<wgpu::Adapter> {
+async fn candidates() -> Vec<wgpu::Adapter> {
     let instance = instance();
-    let mut found: Vec<wgpu::Adapter> = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()))
+    let mut found: Vec<wgpu::Adapter> = instance
+        .enumerate_adapters(wgpu::Backends::all())
+        .await
         .into_iter()
         .filter(|a| {
             a.get_downlevel_capabilities().flags.contains(wgpu::DownlevelFlags::COMPUTE_SHADERS)
@@ -73,11 +82,9 @@ fn candidates() -> Vec<wgpu::Adapter> {
 /// The adapters of this machine, best first. Empty where no driver is installed, and in a browser,
 /// where they cannot be waited for.
 pub(in crate::engine) fn list() -> Vec<AdapterSummary> {
-    if cfg!(target_arch = "wasm32") {
-        return Vec::new();
-    }
+    let found = block_on(async { Ok(candidates().await) }).unwrap_or_default();
     let taken = |i: usize, info: &wgpu::AdapterInfo| i == 0 && !is_software(info);
-    candidates()
+    found
         .iter()
         .map(|a| (a, a.get_info()))
         .enumerate()
@@ -106,8 +113,8 @@ pub(super) enum Wanted<'a> {
 ///
 /// # Errors
 /// [`Error::NoAdapter`] naming what was looked for and what there is.
-pub(super) fn choose(wanted: Wanted<'_>) -> Result<wgpu::Adapter> {
-    pick(candidates(), wanted, |a| a.get_info())
+pub(super) async fn choose(wanted: Wanted<'_>) -> Result<wgpu::Adapter> {
+    pick(candidates().await, wanted, |a| a.get_info())
 }
 
 /// The first of `found`, best first, that is wanted.
@@ -119,6 +126,10 @@ fn pick<A>(found: Vec<A>, wanted: Wanted<'_>, info: impl Fn(&A) -> wgpu::Adapter
         Wanted::Named(name) => info.name.to_lowercase().contains(&name.to_lowercase()),
     };
     let (what, remedy) = match wanted {
+        _ if found.is_empty() && cfg!(target_arch = "wasm32") => (
+            "the browser offers none through WebGPU".to_owned(),
+            "Switch WebGPU on in the browser, or use the CPU back end".to_owned(),
+        ),
         _ if found.is_empty() => (
             "no driver offers one".to_owned(),
             "Install a Vulkan driver (Debian and Ubuntu: apt-get install mesa-vulkan-drivers libvulkan1) or use \

@@ -48,7 +48,7 @@ pub(in crate::engine) static CANARY: Kernel = Kernel {
 };
 
 /// Runs the canary on one workgroup and records what it found.
-pub(super) fn run(gpu: &mut Gpu) -> Result<()> {
+pub(super) async fn run(gpu: &mut Gpu) -> Result<()> {
     let params = CanaryParams {
         loop_count: CANARY_LOOP,
         nan_bits: f32::NAN.to_bits(),
@@ -62,7 +62,7 @@ pub(super) fn run(gpu: &mut Gpu) -> Result<()> {
     let mut batch = gpu.batch()?;
     batch.dispatch(&pipeline, &group, GROUP as usize)?;
     batch.submit()?;
-    let Some(r) = gpu.read(&result, 0..1)?.into_iter().next() else { return Ok(()) };
+    let Some(r) = gpu.read_async(&result, 0..1).await?.into_iter().next() else { return Ok(()) };
     let found = Canary {
         loop_count: r.loop_count,
         added: r.added,

@@ -8,6 +8,7 @@ use web_time::Instant;
 
 use super::buffer::{BindGroup, Buffer};
 use super::gpu::{Gpu, Pipeline};
+use super::waiting::CAN_WAIT;
 use crate::control;
 use crate::engine::kernel::{GROUP, Kernel, Span};
 use crate::error::{Error, Result};
@@ -65,7 +66,8 @@ impl Gpu {
         Ok(Batch { gpu: self, encoder: Encoder::Lent(encoder), spans: Vec::new() })
     }
 
-    /// Waits for a submission.
+    /// Waits for a submission. In a browser, where no thread can, it returns at once;
+    /// [`Gpu::read_async`] waits there.
     ///
     /// # Errors
     /// [`Error::Device`] after the time limit of the engine's options, or if the device is lost.
@@ -94,7 +96,8 @@ impl Gpu {
         }
     }
 
-    /// Whether a submission has ended; returns at once.
+    /// Whether a submission has ended; returns at once. A browser does not tell: there it is always
+    /// true.
     ///
     /// # Errors
     /// [`Error::Device`] if the device is lost.
@@ -121,7 +124,8 @@ impl Gpu {
         let mut pending: Option<(Submission, u32)> = None;
         let mut mark = Instant::now();
         while first < total {
-            let known = pipeline.pace.load(Ordering::Relaxed) != 0;
+            // Without waits there is nothing to learn: slices stay those of an unknown kernel.
+            let known = !CAN_WAIT || pipeline.pace.load(Ordering::Relaxed) != 0;
             let count = self.slice(pipeline).min(total - first);
             let mut batch = self.batch()?;
             batch.dispatch_range(pipeline, group, first, count)?;
@@ -169,6 +173,9 @@ impl Gpu {
 /// Takes over a measured pace; halfway, so that one disturbed slice does not change the next
 /// sixfold.
 fn learn(pipeline: &Pipeline, time: Duration, items: u32) {
+    if !CAN_WAIT {
+        return;
+    }
     let pace = (time.as_nanos() as u64).saturating_mul(1000) / u64::from(items.max(1));
     let before = pipeline.pace.load(Ordering::Relaxed);
     let mean = if before == 0 { pace } else { before / 2 + pace / 2 };

@@ -6,6 +6,8 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 
 use super::counters::Counters;
+use super::scopes::{Scopes, Verdicts, describe};
+use super::waiting::{CAN_WAIT, block_on};
 use crate::engine::Capabilities;
 use crate::engine::kernel::{BindingKind, GROUP, Kernel, Span};
 use crate::engine::traffic::Traffic;
@@ -25,6 +27,7 @@ pub struct Gpu {
     pub(super) submitting: Mutex<()>,
     pub(super) counters: Counters,
     fault: Arc<OnceLock<String>>,
+    verdicts: Verdicts,
     pipelines: Mutex<HashMap<Variant, Arc<Pipeline>>>,
 }
 
@@ -106,6 +109,7 @@ impl Gpu {
             submitting: Mutex::new(()),
             counters: Counters::default(),
             fault: Arc::new(OnceLock::new()),
+            verdicts: Verdicts::default(),
             pipelines: Mutex::new(HashMap::new()),
         }
     }
@@ -168,32 +172,33 @@ impl Gpu {
         let _ = self.fault.set("destroyed".into());
     }
 
-    /// Runs `work` and turns whatever the device objects to into an error about `what`.
+    /// Runs `work` and turns whatever the device objects to into an error about `what`; in a browser
+    /// into one of [`Gpu::settle`].
     ///
     /// # Errors
     /// [`Error::Device`].
     pub(super) fn scoped<T>(&self, what: &str, work: impl FnOnce() -> T) -> Result<T> {
         self.check()?;
-        let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
-        let internal = self.device.push_error_scope(wgpu::ErrorFilter::Internal);
-        let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let scopes = Scopes::open(&self.device);
         let value = work();
-        let faults = [validation.pop(), internal.pop()].map(pollster::block_on);
-        let memory = pollster::block_on(memory.pop());
-        if let Some(e) = memory {
-            return Err(Error::Device {
-                what: format!("{what}: {}", describe(&e)),
-                remedy: "Set a smaller --memory, close other programs that use the device, or use --backend cpu".into(),
-            });
+        let verdict = scopes.close(what);
+        if CAN_WAIT {
+            block_on(verdict)?;
+            self.check()?;
+        } else {
+            self.verdicts.keep(verdict);
         }
-        if let Some(e) = faults.into_iter().flatten().next() {
-            return Err(Error::Device {
-                what: format!("{what}: {}", describe(&e)),
-                remedy: "Please report it; --backend cpu does the same work without the device".into(),
-            });
-        }
-        self.check()?;
         Ok(value)
+    }
+
+    /// Waits until the device has said what it objects to in all work so far. Where a thread can
+    /// wait it has said so before.
+    ///
+    /// # Errors
+    /// [`Error::Device`] with the first objection.
+    pub(super) async fn settle(&self) -> Result<()> {
+        self.verdicts.all().await?;
+        self.check()
     }
 
     /// The pipeline of a kernel, built at its first use.
@@ -261,15 +266,6 @@ impl Gpu {
             Pipeline { kernel, pipeline, layout, pace: AtomicU64::new(0) }
         })
     }
-}
-
-/// One line out of a device's complaint.
-fn describe(e: &wgpu::Error) -> String {
-    let text = match e {
-        wgpu::Error::OutOfMemory { .. } => "out of memory".to_string(),
-        wgpu::Error::Validation { description, .. } | wgpu::Error::Internal { description, .. } => description.clone(),
-    };
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 fn entry(binding: u32, ty: wgpu::BindingType) -> wgpu::BindGroupLayoutEntry {

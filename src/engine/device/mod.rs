@@ -4,6 +4,7 @@
 //! them, so that host halves of kernels need not be told apart.
 
 mod adapters;
+mod arrival;
 mod buffer;
 mod canary;
 mod counters;
@@ -12,8 +13,10 @@ mod gpu;
 mod learned;
 mod pyramid;
 mod readback;
+mod scopes;
 mod start;
 mod table;
+mod waiting;
 
 pub(super) use adapters::list as adapters;
 pub use buffer::{BindGroup, Binding, Buffer, PingPong, UniformBlocks};

@@ -4,23 +4,22 @@
 use std::collections::VecDeque;
 use std::marker::PhantomData;
 use std::ops::Range;
-use std::sync::mpsc::{Receiver, channel};
 
 use bytemuck::Pod;
 
+use super::arrival::{Arrival, arrival};
 use super::buffer::Buffer;
 use super::dispatch::{Batch, Submission};
 use super::gpu::{Gpu, Share};
+use super::waiting::block_on;
 use crate::error::{Error, Result};
-
-type Outcome = std::result::Result<(), wgpu::BufferAsyncError>;
 
 /// A staging buffer, and the copy into it that is under way.
 #[derive(Debug)]
 struct Slot {
     raw: wgpu::Buffer,
     _share: Share,
-    pending: Option<(u64, Receiver<Outcome>)>,
+    pending: Option<(u64, Arrival)>,
 }
 
 impl Slot {
@@ -52,19 +51,19 @@ impl Slot {
             }
             bytes += count;
         }
-        let (tell, mapped) = channel();
+        let (herald, mapped) = arrival();
         if bytes > 0 {
             batch.encoder().map_buffer_on_submit(&self.raw, wgpu::MapMode::Read, 0..bytes, move |outcome| {
-                // The receiver is gone only if the buffer was dropped before the copy ended.
-                let _ = tell.send(outcome);
+                herald.tell(outcome.map_err(|e| e.to_string()));
             });
         }
         self.pending = Some((bytes, mapped));
         Ok(())
     }
 
-    /// Hands the values to `use_`, after their submission was waited for.
-    fn take<T: Pod, R>(&mut self, gpu: &Gpu, use_: impl FnOnce(&[T]) -> R) -> Result<R> {
+    /// Hands the values to `use_`. Outside of a browser their submission was waited for: copies end
+    /// while somebody does.
+    async fn take<T: Pod, R>(&mut self, gpu: &Gpu, use_: impl FnOnce(&[T]) -> R) -> Result<R> {
         let Some((bytes, mapped)) = self.pending.take() else { return Err(fault("nothing was read back")) };
         if bytes == 0 {
             return Ok(use_(&[]));
@@ -73,7 +72,7 @@ impl Slot {
             what: format!("results could not be read back: {e}"),
             remedy: "Start again, or use --backend cpu".into(),
         };
-        mapped.recv_timeout(gpu.timeout).map_err(|e| lost(e.to_string()))?.map_err(|e| lost(e.to_string()))?;
+        mapped.await.map_err(lost)?;
         let view = self.raw.get_mapped_range(0..bytes).map_err(|e| lost(e.to_string()))?;
         // In a browser the view is a copy, which may lie at any address.
         let used = match bytemuck::try_cast_slice(&view) {
@@ -134,7 +133,7 @@ impl<'a, T: Pod> Staging<'a, T> {
     /// [`Error::Device`] if there was none, the device is lost or does not answer in time.
     pub fn take<R>(&mut self, use_: impl FnOnce(&[T]) -> R) -> Result<R> {
         self.gpu.check()?;
-        self.slot.take(self.gpu, use_)
+        block_on(self.slot.take(self.gpu, use_))
     }
 }
 
@@ -181,9 +180,15 @@ impl<'a, T: Pod> ReadbackRing<'a, T> {
     /// # Errors
     /// [`Error::Device`] if the device is lost or does not answer in time.
     pub fn pop(&mut self) -> Result<Option<Vec<T>>> {
+        block_on(self.next())
+    }
+
+    async fn next(&mut self) -> Result<Option<Vec<T>>> {
         let Some((mut slot, submission)) = self.pending.pop_front() else { return Ok(None) };
+        // A browser says by itself when it has copied, and meanwhile what it objects to.
         self.gpu.wait(&submission)?;
-        let values = slot.take(self.gpu, <[T]>::to_vec)?;
+        self.gpu.settle().await?;
+        let values = slot.take(self.gpu, <[T]>::to_vec).await?;
         self.free.push(slot);
         Ok(Some(values))
     }
@@ -196,12 +201,34 @@ impl Gpu {
     /// [`Error::Device`] if the range leaves the buffer, the device is lost or does not answer in
     /// time.
     pub fn read<T: Pod>(&self, from: &Buffer<T>, range: Range<usize>) -> Result<Vec<T>> {
+        block_on(self.read_async(from, range))
+    }
+
+    /// [`Gpu::read`] for a browser, where no thread can wait. What the device objects to in the work
+    /// before it is an error here: a browser tells no earlier. Elsewhere the thread is kept until
+    /// the values are there.
+    ///
+    /// # Errors
+    /// As [`Gpu::read`].
+    ///
+    /// # Examples
+    /// ```no_run
+    /// # async fn example() -> Result<(), barymap::Error> {
+    /// use barymap::engine::{Backend, Engine, EngineOptions};
+    /// let engine = Engine::start(EngineOptions { backend: Backend::Gpu, ..EngineOptions::default() }).await?;
+    /// let Some(gpu) = engine.gpu() else { return Ok(()) };
+    /// let buffer = gpu.upload("numbers", &[1u32, 2, 3])?;
+    /// assert_eq!(gpu.read_async(&buffer, 1..3).await?, [2, 3]);
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub async fn read_async<T: Pod>(&self, from: &Buffer<T>, range: Range<usize>) -> Result<Vec<T>> {
         if range.is_empty() {
             self.check()?;
             return from.bytes(&range).map(|_| Vec::new());
         }
         let mut ring = ReadbackRing::new(self, "readback", 1, range.len())?;
         ring.push(self.batch()?, from, range)?;
-        Ok(ring.pop()?.unwrap_or_default())
+        Ok(ring.next().await?.unwrap_or_default())
     }
 }

@@ -4,6 +4,7 @@
 //! page is served from memory on this machine, and sends back what it found.
 
 mod kernels;
+mod library;
 mod server;
 
 use std::process::{Child, Command, Stdio};
