@@ -1,7 +1,7 @@
 //! Submitting work: batches of dispatches, time slices, waiting.
 
-use std::sync::PoisonError;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, PoisonError};
 use std::time::Duration;
 
 use web_time::Instant;
@@ -44,7 +44,11 @@ enum Encoder<'a> {
 
 /// Tells one submission from others.
 #[derive(Clone, Debug)]
-pub struct Submission(pub(super) wgpu::SubmissionIndex);
+pub struct Submission {
+    index: wgpu::SubmissionIndex,
+    /// Set by the device's callback, which comes while somebody polls.
+    ended: Arc<AtomicBool>,
+}
 
 impl Gpu {
     /// An empty batch.
@@ -66,6 +70,15 @@ impl Gpu {
         Ok(Batch { gpu: self, encoder: Encoder::Lent(encoder), spans: Vec::new() })
     }
 
+    /// Submits commands, and what was written to buffers before.
+    pub(super) fn send(&self, commands: Option<wgpu::CommandBuffer>) -> Submission {
+        let index = self.queue.submit(commands);
+        let ended = Arc::new(AtomicBool::new(false));
+        let flag = Arc::clone(&ended);
+        self.queue.on_submitted_work_done(move || flag.store(true, Ordering::Release));
+        Submission { index, ended }
+    }
+
     /// Waits for a submission. In a browser, where no thread can, it returns at once;
     /// [`Gpu::read_async`] waits there.
     ///
@@ -76,13 +89,18 @@ impl Gpu {
         self.counters.wait();
         let begun = Instant::now();
         loop {
+            // A wait that ends early must not overlap with another's: wgpu takes a queue that the
+            // other has emptied meanwhile for a fault of its own, and panics.
+            let turn = self.polling.lock().unwrap_or_else(PoisonError::into_inner);
             // In parts, so that work can be cancelled in between.
             let rest = self.timeout.saturating_sub(begun.elapsed());
             let part = wgpu::PollType::Wait {
-                submission_index: Some(submission.0.clone()),
+                submission_index: Some(submission.index.clone()),
                 timeout: Some(rest.min(WAIT_PART)),
             };
-            match self.device.poll(part) {
+            let polled = self.device.poll(part);
+            drop(turn);
+            match polled {
                 Ok(_) => return self.check(),
                 Err(wgpu::PollError::Timeout) if rest > WAIT_PART => control::check()?,
                 Err(e) => {
@@ -96,16 +114,17 @@ impl Gpu {
         }
     }
 
-    /// Whether a submission has ended; returns at once. A browser does not tell: there it is always
-    /// true.
+    /// Whether a submission has ended; returns at once.
     ///
     /// # Errors
     /// [`Error::Device`] if the device is lost.
     pub fn is_done(&self, submission: &Submission) -> Result<bool> {
-        let now = wgpu::PollType::Wait { submission_index: Some(submission.0.clone()), timeout: Some(Duration::ZERO) };
-        let ended = self.device.poll(now).is_ok();
+        if !submission.ended.load(Ordering::Acquire) {
+            // Without an index to wait for, so that it may overlap with a wait.
+            let _ = self.device.poll(wgpu::PollType::Poll);
+        }
         self.check()?;
-        Ok(ended)
+        Ok(submission.ended.load(Ordering::Acquire))
     }
 
     /// Runs a kernel over items `0..items` in slices of about 0.15 s each and waits for the last;
@@ -366,7 +385,7 @@ impl Batch<'_> {
             let _turn = gpu.submitting.lock().unwrap_or_else(PoisonError::into_inner);
             write_spans(gpu, &spans);
             gpu.counters.submission();
-            Submission(gpu.queue.submit([encoder.finish()]))
+            gpu.send(Some(encoder.finish()))
         })
     }
 

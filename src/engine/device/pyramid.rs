@@ -11,7 +11,6 @@
 use bytemuck::Pod;
 
 use super::buffer::Binding;
-use super::dispatch::Submission;
 use super::gpu::{Gpu, Share};
 use crate::error::{Error, Result};
 
@@ -149,7 +148,7 @@ impl Gpu {
                 if written >= FLUSH {
                     written = 0;
                     self.counters.submission();
-                    let all = self.scoped("upload", || Submission(self.queue.submit([])))?;
+                    let all = self.scoped("upload", || self.send(None))?;
                     self.wait(&all)?;
                 }
             }
