@@ -21,6 +21,10 @@
 
 // project::SEARCH_PATIENCE.
 const PATIENCE: f32 = 2.0;
+// project::BESIDE.
+const BESIDE: f32 = 1e-4;
+// project::ASIDE.
+const ASIDE: f32 = 1e-2;
 // search::NEW_LEVEL.
 const NEW_LEVEL: u32 = 0x80000000u;
 
@@ -55,6 +59,8 @@ fn search(i: u32) {
 
     let walked = results[i];
     let range = texel(vertices, (walked.found / VERTEX) * VERTEX_TEXELS + 3u * VECTOR_TEXELS);
+    let aside = sub_vector(vertex_point(vertices, walked.found / VERTEX), y);
+    let most = select(1e30, ASIDE, dot_vector(aside, aside) <= BESIDE);
     var best = unprojected(walked.found);
     var root = vec3f();
     var k = 0u;
@@ -77,8 +83,9 @@ fn search(i: u32) {
         let r = project_triangle(phong_system(vertices, triangles, face, head, y), PATIENCE);
         if r.inside {
             let c = projected(vertices, face, head, r.x, y, BY_SEARCH);
-            if best.face == NONE || c.distance_squared < best.distance_squared
-                || (c.distance_squared == best.distance_squared && face < best.face) {
+            let closer = best.face == NONE || c.distance_squared < best.distance_squared
+                || (c.distance_squared == best.distance_squared && face < best.face);
+            if closer && c.distance_squared <= most {
                 best = c;
                 root = r.x;
             }
@@ -89,7 +96,7 @@ fn search(i: u32) {
         let head = texel(triangles, walked.face * TRIANGLE_TEXELS);
         let x = vec3f(walked.b0, walked.b1, 1.0 - walked.b0 - walked.b1);
         let c = projected(vertices, walked.face, head, x, y, BY_WALK);
-        if best.face == NONE || c.distance_squared <= best.distance_squared {
+        if c.distance_squared <= select(best.distance_squared, most, best.face == NONE) {
             best = c;
             root = x;
         }

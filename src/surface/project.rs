@@ -58,6 +58,16 @@ pub const WALK_PATIENCE: f64 = 0.35;
 /// The same for the search, which must not miss a root.
 pub const SEARCH_PATIENCE: f64 = 2.0;
 
+/// Squared distance from the vertex at which a search begins, up to which only roots nearby count:
+/// a hundredth of a mean edge.
+///
+/// Next to a vertex the triangles around it may be so small that rounding moves the root between
+/// two of them. A search then finds a root of a triangle farther off, and the vertex is a better
+/// guess.
+pub const BESIDE: f64 = 1e-4;
+/// Squared distance of the roots that count there: ten times as far.
+pub const ASIDE: f64 = 1e-2;
+
 fn centroid<S: Real>() -> [S; 3] {
     [S::of(1.0 / 3.0); 3]
 }
@@ -200,8 +210,9 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
         if let Some(p) = walked.filter(|p| p.distance_squared <= d) {
             return p;
         }
-        let searched = self.search(mean, v, t, limits.triangles);
-        match (walked, searched) {
+        let most = if d <= S::of(BESIDE) { S::of(ASIDE) } else { S::HUGE };
+        let searched = self.search(mean, [v, t], limits.triangles, most);
+        match (walked.filter(|p| p.distance_squared <= most), searched) {
             (Some(a), Some(b)) => {
                 if b.distance_squared < a.distance_squared {
                     b

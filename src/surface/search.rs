@@ -111,12 +111,26 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
     /// the nearest root of the first level that has one (lowest triangle on ties). At most `cap`
     /// triangles are looked at, a level is always finished. Of a long fan ([`LONGEST`]) a level has
     /// only what is beside the triangle from which the search comes to it: `facing`, a triangle of
-    /// the fan of `v`, to begin with.
-    pub(super) fn search(&self, mean: &Vector<S, D>, v: u32, facing: u32, cap: u32) -> Option<Projection<S>> {
-        MARKS.with_borrow_mut(|marks| self.search_marked(mean, [v, facing], cap, marks))
+    /// the fan of `v`, to begin with. Roots whose squared distance is above `most` do not
+    /// count.
+    pub(super) fn search(
+        &self,
+        mean: &Vector<S, D>,
+        [v, facing]: [u32; 2],
+        cap: u32,
+        most: S,
+    ) -> Option<Projection<S>> {
+        MARKS.with_borrow_mut(|marks| self.search_marked(mean, [v, facing], cap, most, marks))
     }
 
-    fn search_marked(&self, mean: &Vector<S, D>, from: [u32; 2], cap: u32, marks: &mut Marks) -> Option<Projection<S>> {
+    fn search_marked(
+        &self,
+        mean: &Vector<S, D>,
+        from: [u32; 2],
+        cap: u32,
+        most: S,
+        marks: &mut Marks,
+    ) -> Option<Projection<S>> {
         let mut found = None;
         self.levels(from, cap, marks, |level| {
             let mut best: Option<Projection<S>> = None;
@@ -128,7 +142,7 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
                         c.distance_squared < b.distance_squared
                             || (c.distance_squared == b.distance_squared && t < b.face)
                     };
-                    if best.as_ref().is_none_or(closer) {
+                    if c.distance_squared <= most && best.as_ref().is_none_or(closer) {
                         best = Some(c);
                     }
                 }
@@ -273,7 +287,7 @@ mod tests {
             mean.iter_mut().for_each(|x| *x += 1e-3 * random.signed());
             let wanted = s.project_exhaustive(&mean).unwrap();
             let v = s.triangles[t as usize].v[0];
-            let found = s.search(&mean, v, t, 64).unwrap();
+            let found = s.search(&mean, [v, t], 64, f64::INFINITY).unwrap();
             assert!(found.distance_squared < 4.0 * wanted.distance_squared + 1e-12, "{found:?} {wanted:?}");
         }
     }

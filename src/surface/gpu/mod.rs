@@ -122,12 +122,20 @@ pub fn correspondence_on(
 pub(crate) fn twins() -> Vec<crate::twins::Twin> {
     use crate::geometry::NONE;
     use crate::surface::packed::{Doubts, PackedImage, Status};
-    use crate::surface::project::{Found, SEARCH_PATIENCE, WALK_PATIENCE};
+    use crate::surface::project::{ASIDE, BESIDE, Found, SEARCH_PATIENCE, WALK_PATIENCE};
     use crate::surface::{psi, search};
     use crate::twins::of;
     [
         of("project_phong", [("PATIENCE", WALK_PATIENCE)]),
-        of("search_phong", [("PATIENCE", SEARCH_PATIENCE), ("NEW_LEVEL", search::NEW_LEVEL.into())]),
+        of(
+            "search_phong",
+            [
+                ("PATIENCE", SEARCH_PATIENCE),
+                ("BESIDE", BESIDE),
+                ("ASIDE", ASIDE),
+                ("NEW_LEVEL", search::NEW_LEVEL.into()),
+            ],
+        ),
         of(
             "lib/newton",
             [
