@@ -9,8 +9,8 @@ mod support;
 use barymap::engine::{Backend, Engine, EngineOptions, Gpu};
 use barymap::geometry::Mesh;
 use barymap::models::character_pair;
+use barymap::picture::Image;
 use barymap::progress::Quiet;
-use barymap::raster::{Image, Pixels};
 use barymap::surface::correspondence::{CorrespondenceOptions, WeightedAverages};
 use barymap::surface::gpu::DeviceMap;
 use barymap::surface::{AnchorPairs, PackedImage, PackedPoint, PointMap};
@@ -108,7 +108,6 @@ fn main() -> Result<()> {
     support::without_shader_cache()?;
     let pair = character_pair();
     let texture = pair.source.texture(2048);
-    let texture = Image::new(texture.width(), texture.height(), 4, Pixels::U8(texture.into_raw()))?;
     let (source_points, target_points) = pair.anchors(93);
     let anchors = AnchorPairs { source: source_points, target: target_points };
     let (source, target) = (Surface::new(pair.source.mesh.clone())?, Surface::new(pair.target.mesh.clone())?);

@@ -1,7 +1,8 @@
 //! Warping at 1920 x 1080: the filters by themselves, pre-images given, against copying as many
 //! pixels one by one, and the whole with exact pre-images through a cage of 64 vertices.
 //!
-//! `cargo bench --bench warp`, or `-- filters` for the first of these; `python3
+//! `cargo bench --bench warp`, or `-- filters` for the first of these, `-- dragged` for frames of a
+//! dragged cage; `python3
 //! benches/warp_peers.py` puts OpenCV beside them. CPU time / 2.
 
 mod support;
@@ -9,8 +10,8 @@ mod support;
 use barymap::engine::{Backend, Engine, EngineOptions};
 use barymap::mapping::plane::{Cage, CompositeMap, PartitionKind, PartitionOptions, PathKind, partition};
 use barymap::models::polygons;
+use barymap::picture::{Depth, Image, Pixels};
 use barymap::progress::Quiet;
-use barymap::raster::{Depth, Image, Pixels};
 use barymap::tools::transfer::Encoding;
 use barymap::tools::warp::band::Band;
 use barymap::tools::warp::footprint::{Footprint, Footprints, Seen};
@@ -38,7 +39,7 @@ fn noise(channels: u32, depth: Depth) -> Result<Image> {
 
 /// Waves of ten pixels, as `warp_peers.py` has them, on a picture reduced `zoom` times.
 fn footprints(band: Band, zoom: f32, filter: Filter) -> (Vec<[i32; 2]>, Footprints) {
-    let mut all = Footprints::new(band.len(), filter == Filter::Ewa);
+    let mut all = Footprints::new(band.len(), filter.averages());
     let mut bases = Vec::new();
     for place in band.places() {
         bases.push([place.x as i32, (band.first + place.y) as i32]);
@@ -229,12 +230,63 @@ fn preview() -> Result<()> {
     Ok(())
 }
 
+/// Frames of a dragged cage, the partition included, as a window of 1280 x 720 makes them.
+fn dragged() -> Result<()> {
+    let canvas = UVec2::new(1280, 720);
+    let image = Image::from_fn(canvas.x, canvas.y, |x, y| [(x * 7) as u8, (y * 5) as u8, (x ^ y) as u8, 255])?;
+    println!("\n1280 x 720, 5 steps, a dragged vertex; milliseconds of CPU time / 2 per frame");
+    println!("| back end | vertices | partition | lattice | picture | frames/s |");
+    println!("|---|---|---|---|---|---|");
+    for backend in [Backend::Cpu, Backend::Gpu] {
+        let Ok(engine) = Engine::new(EngineOptions { backend, ..EngineOptions::default() }) else { continue };
+        for vertices in [64, 200] {
+            let star = |turn: f64, pull: f64| -> Vec<Vec<DVec2>> {
+                let mut ring = polygons::star(vertices, &[1.0], turn, DVec2::ZERO);
+                ring[0] *= pull;
+                vec![ring.iter().map(|v| *v * DVec2::new(570.0, 330.0) + canvas.as_dvec2() / 2.0).collect()]
+            };
+            let options = PartitionOptions {
+                kind: PartitionKind::Uniform(5),
+                path: PathKind::Linear,
+                ..PartitionOptions::default()
+            };
+            let made = |frame: usize| -> Result<CompositeMap> {
+                let cage = Cage::new(star(0.0, 1.0), star(0.3, 1.0 - 0.002 * frame as f64))?;
+                Ok(CompositeMap::new(options.coordinates, partition(&engine, &cage, &options, &Quiet)?.polygons)?)
+            };
+            let mut preview = Preview::new(&engine, &image, &made(0)?, canvas)?;
+            let mut spent = [0.0; 3];
+            for frame in 0..FRAMES {
+                let (map, a) = once(|| made(frame));
+                let map = map?;
+                let (moved, b) = once(|| preview.drag(&engine, &map));
+                moved?;
+                let (shown, c) = once(|| preview.frame());
+                shown?;
+                [a, b, c].iter().zip(&mut spent).for_each(|(t, s)| *s += 500.0 * t.cpu / FRAMES as f64);
+            }
+            let [a, b, c] = spent;
+            let backend = engine.description().backend.clone();
+            println!("| {backend} | {vertices} | {a:.1} | {b:.1} | {c:.1} | {:.1} |", 1e3 / (a + b + c));
+        }
+    }
+    Ok(())
+}
+
+/// Frames of a drag.
+const FRAMES: usize = 20;
+
 fn main() -> Result<()> {
+    let only = |part: &str| std::env::args().any(|word| word == part);
+    if only("dragged") {
+        return dragged();
+    }
     filters()?;
-    if std::env::args().any(|word| word == "filters") {
+    if only("filters") {
         return Ok(());
     }
     on_a_device()?;
     whole()?;
-    preview()
+    preview()?;
+    dragged()
 }

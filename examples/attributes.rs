@@ -7,6 +7,7 @@
 use std::error::Error;
 
 use barymap::geometry::Topology;
+use barymap::io::write_image;
 use barymap::models::character_pair;
 use barymap::progress::Quiet;
 use barymap::surface::correspondence::{CorrespondenceOptions, Shape, correspondence};
@@ -68,7 +69,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         shown(&carried.attributes[0].values)?,
         shown(&carried.attributes[1].values)?,
     ];
-    side_by_side(&pictures, 20, [255; 4])?.save(&output)?;
+    write_image(&side_by_side(&pictures, 20, [255; 4])?, &output)?;
     println!("{output}: normals as colours: on the source; carried as they are; turned by the map's differential");
     Ok(())
 }

@@ -8,15 +8,15 @@ use std::error::Error;
 
 use barymap::engine::Engine;
 use barymap::geometry::{ClosestPoints, Mesh, Topology};
+use barymap::io::write_image;
 use barymap::models::shapes::{Random, lobed_sphere};
 use barymap::models::stout;
+use barymap::picture::Image;
 use barymap::progress::Quiet;
-use barymap::raster::{Image, Pixels};
 use barymap::tools::decal::{DecalAnchors, Layout, PaintOptions, composite, decal, paint, with_texcoords};
 use barymap::tools::render::{Coloring, RenderOptions, render, side_by_side};
 use barymap::tools::transfer::Filter;
 use glam::{DVec2, DVec3};
-use image::{Rgba, RgbaImage};
 
 /// The points of a mesh closest to a square across z, of half side `half`, around `centre`.
 fn square(mesh: &Mesh, centre: DVec3, half: f64) -> DecalAnchors {
@@ -26,29 +26,25 @@ fn square(mesh: &Mesh, centre: DVec3, half: f64) -> DecalAnchors {
 }
 
 /// A round label with rings and spokes.
-fn label(size: u32) -> RgbaImage {
-    RgbaImage::from_fn(size, size, |x, y| {
+fn label(size: u32) -> barymap::Result<Image> {
+    Image::from_fn(size, size, |x, y| {
         let p = (DVec2::new(f64::from(x), f64::from(y)) + 0.5) * 2.0 / f64::from(size) - 1.0;
         let spoke = (p.y.atan2(p.x) * 8.0 / std::f64::consts::TAU).rem_euclid(1.0) < 0.5;
         match p.length() {
-            r if r > 0.98 => Rgba([0; 4]),
-            r if r > 0.8 => Rgba([250, 220, 60, 255]),
-            r if r > 0.3 && spoke => Rgba([200, 30, 40, 255]),
-            r if r > 0.3 => Rgba([255, 255, 255, 255]),
-            _ => Rgba([30, 60, 160, 255]),
+            r if r > 0.98 => [0; 4],
+            r if r > 0.8 => [250, 220, 60, 255],
+            r if r > 0.3 && spoke => [200, 30, 40, 255],
+            r if r > 0.3 => [255; 4],
+            _ => [30, 60, 160, 255],
         }
     })
 }
 
-fn chequered(size: u32) -> RgbaImage {
-    RgbaImage::from_fn(size, size, |x, y| {
+fn chequered(size: u32) -> barymap::Result<Image> {
+    Image::from_fn(size, size, |x, y| {
         let dark = (x * 8 / size + y * 8 / size).is_multiple_of(2);
-        Rgba(if dark { [40, 60, 90, 255] } else { [240, 230, 200, 255] })
+        if dark { [40, 60, 90, 255] } else { [240, 230, 200, 255] }
     })
-}
-
-fn raster(picture: &RgbaImage) -> barymap::Result<Image> {
-    Image::new(picture.width(), picture.height(), 4, Pixels::U8(picture.as_raw().clone()))
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -75,11 +71,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         material: None,
         memory: 1 << 30,
     };
-    let painted = paint(&Engine::cpu(), mesh, &made, &raster(&label(512))?, &options, &Quiet)?;
-    let Pixels::U8(colors) = composite(&raster(&texture)?, &painted.image, 1.0, false)?.pixels else {
-        return Err("the texture is not 8-bit".into());
-    };
-    let texture = RgbaImage::from_raw(1024, 1024, colors).ok_or("the texture is not RGBA")?;
+    let painted = paint(&Engine::cpu(), mesh, &made, &label(512)?, &options, &Quiet)?;
+    let texture = composite(&texture, &painted.image, 1.0, false)?;
     let mut pictures = vec![render(mesh, Coloring::Texture(&texture), &[], &view)?];
 
     // The mapping itself, on a smooth body and on a rough one.
@@ -89,7 +82,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for p in &mut rough.positions {
         *p += DVec3::new(random.signed(), random.signed(), random.signed()) * 0.01;
     }
-    let board = chequered(512);
+    let board = chequered(512)?;
     let mut stretch = Vec::new();
     for body in [&smooth, &rough] {
         let anchors = square(body, DVec3::new(0.0, 0.0, 1.2), 0.6);
@@ -99,7 +92,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         pictures.push(render(&with_texcoords(body, &made, false), Coloring::Texture(&board), &anchors.points, &view)?);
     }
     assert!((stretch[0] - stretch[1]).abs() < 0.05, "noise should hardly matter");
-    side_by_side(&pictures, 10, [255; 4])?.save(&output)?;
+    write_image(&side_by_side(&pictures, 10, [255; 4])?, &output)?;
     println!("{output}: a label in a texture; a chequered board on a smooth and on a rough body");
     Ok(())
 }

@@ -9,6 +9,7 @@ mod lines;
 use std::error::Error;
 
 use barymap::geometry::{Corner, Mesh, MeshBuilder, NONE, Topology};
+use barymap::io::write_image;
 use barymap::models::shapes::lobed_sphere;
 use barymap::progress::Quiet;
 use barymap::surface::correspondence::Shape;
@@ -96,7 +97,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             RenderOptions { width: 520, height: 520, azimuth: 30.0, elevation: 20.0, ..RenderOptions::default() };
         pictures.push(render(&drawn, Coloring::Vertices(&colors), &[], &options)?);
     }
-    side_by_side(&pictures, 12, [255; 4])?.save(&output)?;
+    write_image(&side_by_side(&pictures, 12, [255; 4])?, &output)?;
     println!("{output}");
     Ok(())
 }

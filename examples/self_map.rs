@@ -7,30 +7,27 @@ use std::error::Error;
 use std::time::Instant;
 
 use barymap::geometry::{ClosestPoints, Topology};
+use barymap::io::write_image;
 use barymap::models::character_pair;
+use barymap::picture::Image;
 use barymap::progress::Quiet;
-use barymap::raster::{Image, Pixels};
 use barymap::surface::correspondence::Shape;
 use barymap::surface::field::{Edit, FieldOptions, FieldPair, FieldSession};
 use barymap::surface::{AnchorPairs, Embedding, EmbeddingOptions};
 use barymap::tools::render::{Coloring, RenderOptions, render, side_by_side};
 use barymap::tools::transfer::{Layer, LiveTransfer, TransferOptions};
 use glam::DVec3;
-use image::RgbaImage;
 
 const SIZE: u32 = 1024;
 /// Steps of each drag.
 const STEPS: usize = 8;
 
 /// Straight lines along and around the body, which show how they are pulled.
-fn lines(painted: &RgbaImage) -> RgbaImage {
-    let mut picture = painted.clone();
-    for (x, y, p) in picture.enumerate_pixels_mut() {
-        if x % 32 < 3 || y % 32 < 3 {
-            p.0 = [24, 24, 40, 255];
-        }
-    }
-    picture
+fn lines(painted: &Image) -> barymap::Result<Image> {
+    let line = |v: u32| v % 32 < 3;
+    Image::from_fn(painted.width, painted.height, |x, y| {
+        if line(x) || line(y) { [24, 24, 40, 255] } else { painted.pixel(x, y) }
+    })
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -47,11 +44,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let field = FieldPair::<8>::new(shape, shape)?;
     let mut session = FieldSession::<f32, 8, 12>::new(field, anchors, &FieldOptions::default())?;
 
-    let texture = lines(&pair.source.texture(SIZE));
-    let image = Image::new(SIZE, SIZE, 4, Pixels::U8(texture.as_raw().clone()))?;
+    let texture = lines(&pair.source.texture(SIZE))?;
     let options = TransferOptions { width: SIZE, height: SIZE, ..TransferOptions::default() };
     let clock = Instant::now();
-    let mut live = LiveTransfer::new(mesh, &[Layer::single("colour", &image)], mesh, session.field(), &options)?;
+    let mut live = LiveTransfer::new(mesh, &[Layer::single("colour", &texture)], mesh, session.field(), &options)?;
     let whole = clock.elapsed().as_secs_f64();
 
     // Three anchors in front are dragged upwards: what is painted there goes along.
@@ -83,11 +79,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     );
 
     let view = RenderOptions { width: 700, height: 900, ..RenderOptions::default() };
-    let Some(Pixels::U8(colors)) = live.layers().next().map(|i| &i.pixels) else { return Err("no 8-bit layer".into()) };
-    let pulled = RgbaImage::from_raw(SIZE, SIZE, colors.clone()).ok_or("the layer is not RGBA")?;
+    let pulled = live.layers().next().ok_or("there is no layer")?;
     let before = render(mesh, Coloring::Texture(&texture), &points, &view)?;
-    let after = render(mesh, Coloring::Texture(&pulled), &session.anchors().target, &view)?;
-    side_by_side(&[before, after], 20, [255; 4])?.save(&output)?;
+    let after = render(mesh, Coloring::Texture(pulled), &session.anchors().target, &view)?;
+    write_image(&side_by_side(&[before, after], 20, [255; 4])?, &output)?;
     println!("{output}: the texture as painted, and with three anchors dragged");
     Ok(())
 }

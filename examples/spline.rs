@@ -10,6 +10,7 @@ mod lines;
 use std::error::Error;
 
 use barymap::geometry::{ClosestPoints, SurfacePoint, Topology};
+use barymap::io::write_image;
 use barymap::models::character_pair;
 use barymap::progress::Quiet;
 use barymap::surface::correspondence::Shape;
@@ -81,7 +82,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let options = RenderOptions { width: 560, height: 560, azimuth, ..RenderOptions::default() };
         pictures.push(render(&shape, Coloring::Vertices(&colors), &controls, &options)?);
     }
-    side_by_side(&pictures, 12, [255; 4])?.save(&output)?;
+    write_image(&side_by_side(&pictures, 12, [255; 4])?, &output)?;
     println!("{output}");
     Ok(())
 }

@@ -9,16 +9,15 @@ mod device;
 use std::error::Error;
 
 use barymap::geometry::Topology;
+use barymap::io::write_image;
 use barymap::models::character_pair;
 use barymap::progress::Quiet;
-use barymap::raster::{Image, Pixels};
 use barymap::surface::correspondence::{CorrespondenceOptions, Shape};
 use barymap::surface::gpu::correspondence_on;
 use barymap::surface::{AnchorPairs, Embedding, EmbeddingOptions};
 use barymap::tools::render::{Coloring, RenderOptions, render, side_by_side};
 use barymap::tools::transfer::{Layer, TransferOptions, transfer_on};
 use barymap::tools::vertex_map::vertex_map;
-use image::RgbaImage;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let output = std::env::args().nth(1).unwrap_or_else(|| "transfer.png".into());
@@ -47,8 +46,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     note.iter().for_each(|note| println!("{note}"));
 
     // A colour for every texel of the target.
-    let painted = pair.source.texture(1024);
-    let texture = Image::new(painted.width(), painted.height(), 4, Pixels::U8(painted.as_raw().clone()))?;
+    let texture = pair.source.texture(1024);
     let size = TransferOptions { width: 1024, height: 1024, ..TransferOptions::default() };
     let layers = [Layer::single("colour", &texture)];
     let result = transfer_on(&engine, source, &layers, target, map.as_ref(), &size, &Quiet)?;
@@ -69,11 +67,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     assert!(mean < 0.02 && result.stats.valid_fraction > 0.6, "the transfer has gone wrong");
 
     let view = RenderOptions { width: 700, height: 900, ..RenderOptions::default() };
-    let Pixels::U8(colors) = &result.layers[0].pixels else { return Err("the layer is not 8-bit".into()) };
-    let transferred = RgbaImage::from_raw(1024, 1024, colors.clone()).ok_or("the layer is not RGBA")?;
-    let before = render(source, Coloring::Texture(&painted), &anchors.source, &view)?;
-    let after = render(target, Coloring::Texture(&transferred), &anchors.target, &view)?;
-    side_by_side(&[before, after], 20, [255; 4])?.save(&output)?;
+    let before = render(source, Coloring::Texture(&texture), &anchors.source, &view)?;
+    let after = render(target, Coloring::Texture(&result.layers[0]), &anchors.target, &view)?;
+    write_image(&side_by_side(&[before, after], 20, [255; 4])?, &output)?;
     println!("{output}: the source with its texture, the target with the one it received; dots are anchors");
     Ok(())
 }

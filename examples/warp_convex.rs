@@ -11,8 +11,8 @@ use barymap::mapping::plane::{
     Cage, CompositeMap, Coordinates, Mapped, PartitionKind, PartitionOptions, PathKind, partition,
 };
 use barymap::models::polygons::convex_witness;
+use barymap::picture::Image;
 use barymap::progress::Quiet;
-use barymap::raster::Image;
 use barymap::tools::warp::Placement;
 use barymap::tools::warp::draw::Canvas;
 use barymap::tools::warp::pictures::{SCALE_WIDTH, heat_map, lattice_picture};

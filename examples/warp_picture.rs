@@ -9,8 +9,8 @@ mod device;
 use std::error::Error;
 
 use barymap::mapping::plane::{Cage, CompositeMap, PartitionKind, PartitionOptions, partition};
+use barymap::picture::{Depth, Image};
 use barymap::progress::Quiet;
-use barymap::raster::{Depth, Image};
 use barymap::tools::warp::pictures::{in_a_row, overlay};
 use barymap::tools::warp::{Outside, Placement, WarpOptions, warp_picture};
 use glam::DVec2;

@@ -7,6 +7,7 @@
 use std::error::Error;
 
 use barymap::geometry::{SurfacePoint, Topology};
+use barymap::io::write_image;
 use barymap::models::character_pair;
 use barymap::progress::Quiet;
 use barymap::surface::anchors::vertex_point;
@@ -52,7 +53,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         render(mesh, Coloring::Vertices(&colors), &anchors, &view)
     });
     let [left, right] = pictures;
-    side_by_side(&[left?, right?], 20, [255; 4])?.save(&output)?;
+    write_image(&side_by_side(&[left?, right?], 20, [255; 4])?, &output)?;
     println!("{output}: weights of anchors {top} and {front}: red is one, white zero, blue negative");
     Ok(())
 }

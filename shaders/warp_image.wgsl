@@ -1,8 +1,10 @@
 // The colours of output pixels, gathered from windows of a picture's pyramid at their pre-images.
-// The CPU reference and all explanations stand at tools::warp::gather, interpolate, filter and ewa.
+// The CPU reference and all explanations stand at tools::warp::gather, interpolate and ewa.
 // One invocation a pixel.
 
 //#import lib/span
+//#import lib/ellipse
+//#import lib/lanczos
 
 // 0 bilinear, 1 Lanczos-3, 2 elliptical weighted averages.
 override FILTER: u32 = 2u;
@@ -10,13 +12,6 @@ override FILTER: u32 = 2u;
 const MOST_LEVELS: u32 = 32u;
 // tools::warp::footprint
 const FARTHEST: f32 = 4194304.0;
-// tools::warp::ewa
-const VARIANCE: f32 = 0.225;
-const MOMENT: f32 = 10.0;
-const FINEST: f32 = 1.5;
-const LONGEST: f32 = 16.0;
-const INTERPOLATED: f32 = 1.015625;
-const AVERAGED: f32 = 1.5;
 
 struct WarpParams {
     // Levels of the pyramid.
@@ -51,60 +46,6 @@ struct Preimage {
 @group(0) @binding(4) var<storage, read> texels: array<vec4f>;
 @group(0) @binding(5) var<storage, read_write> colors: array<vec4f>;
 
-struct Ellipse {
-    level: u32,
-    share: f32,
-    form: vec3f,
-    reach: vec2f,
-}
-
-fn ellipse(d0: vec2f, d1: vec2f) -> Ellipse {
-    let dx = clamp(d0, vec2f(-params.most), vec2f(params.most));
-    let dy = clamp(d1, vec2f(-params.most), vec2f(params.most));
-    let a = dx.x * dx.x + dy.x * dy.x;
-    let b = dx.x * dx.y + dy.x * dy.y;
-    let c = dx.y * dx.y + dy.y * dy.y;
-    let mean = 0.5 * (a + c);
-    let half = 0.5 * (a - c);
-    let root = sqrt(half * half + b * b);
-    let wide_0 = sqrt(mean + root);
-    var narrow_0 = 0.0;
-    if wide_0 > 0.0 {
-        narrow_0 = abs(dx.x * dy.y - dx.y * dy.x) / wide_0;
-    }
-    let part = clamp((wide_0 - INTERPOLATED) / (AVERAGED - INTERPOLATED), 0.0, 1.0);
-    let wide = max(wide_0, 1.0);
-    let narrow = max(max(narrow_0, 1.0), wide * (1.0 / LONGEST));
-    var e: Ellipse;
-    e.share = part * part * (3.0 - 2.0 * part);
-    e.level = 0u;
-    var scale = 1.0;
-    for (var i = 1u; i < params.levels; i++) {
-        if narrow * scale < 2.0 * FINEST {
-            break;
-        }
-        e.level = i;
-        scale *= 0.5;
-    }
-    let boxed = (1.0 - scale * scale) * (1.0 / 12.0);
-    let long = MOMENT * max(VARIANCE * (wide * scale) * (wide * scale) - boxed, VARIANCE);
-    let short = MOMENT * max(VARIANCE * (narrow * scale) * (narrow * scale) - boxed, VARIANCE);
-    var axis = vec2f(b, root - half);
-    if half >= 0.0 {
-        axis = vec2f(half + root, b);
-    }
-    let length = sqrt(axis.x * axis.x + axis.y * axis.y);
-    var u = vec2f(1.0, 0.0);
-    if length > 0.0 {
-        u = axis / length;
-    }
-    let along = 1.0 / long;
-    let across = 1.0 / short;
-    e.form = vec3f(along * u.x * u.x + across * u.y * u.y, 2.0 * (along - across) * u.x * u.y, along * u.y * u.y + across * u.x * u.x);
-    e.reach = vec2f(sqrt(long * u.x * u.x + short * u.y * u.y), sqrt(long * u.y * u.y + short * u.x * u.x));
-    return e;
-}
-
 // Where a point of a level, counted from the base, lies in the window of the level.
 fn in_window(level: u32, at: vec2f, base: vec2i) -> vec2f {
     let coarse = base >> vec2u(level);
@@ -128,55 +69,6 @@ fn bilinear(p: vec2f) -> vec4f {
     return top + f.y * (bottom - top);
 }
 
-fn sine_pi(x: f32) -> f32 {
-    let q = x * x;
-    return x * (3.1415927 + q * (-5.167713 + q * (2.550164 + q * (-0.5992645 + q * (0.08214589 - q * 0.007370431)))));
-}
-
-fn cosine_pi(x: f32) -> f32 {
-    let q = x * x;
-    return 1.0 + q * (-4.9348022 + q * (4.058712 + q * (-1.3352628 + q * 0.23533063)));
-}
-
-// Weights of the texels -2, -1, 0 and 1, 2, 3.
-struct Weights {
-    before: vec3f,
-    after: vec3f,
-}
-
-fn lanczos_weights(position: f32) -> Weights {
-    let mirrored = position > 0.5;
-    var f = position;
-    if mirrored {
-        f = 1.0 - position;
-    }
-    var w: Weights;
-    if f < 1e-9 {
-        w.before = vec3f(0.0, 0.0, 1.0);
-        w.after = vec3f(0.0);
-    } else {
-        let s1 = sine_pi(f);
-        let s = sine_pi(f * (1.0 / 3.0));
-        let c = cosine_pi(f * (1.0 / 3.0));
-        let a = 0.5 * s;
-        let b = 0.8660254 * c;
-        let sines = vec3f(b - a, -(a + b), s);
-        let before = vec3f(f + 2.0, f + 1.0, f);
-        let after = vec3f(f - 1.0, f - 2.0, f - 3.0);
-        w.before = s1 * sines / (before * before);
-        w.after = s1 * sines / (after * after);
-        let share = 1.0 / (w.before.x + w.before.y + w.before.z + w.after.x + w.after.y + w.after.z);
-        w.before *= share;
-        w.after *= share;
-    }
-    if mirrored {
-        let before = w.before;
-        w.before = w.after.zyx;
-        w.after = before.zyx;
-    }
-    return w;
-}
-
 fn lanczos_row(at: u32, w: Weights) -> vec4f {
     return texels[at] * w.before.x + texels[at + 1u] * w.before.y + texels[at + 2u] * w.before.z
         + texels[at + 3u] * w.after.x + texels[at + 4u] * w.after.y + texels[at + 5u] * w.after.z;
@@ -186,8 +78,8 @@ fn lanczos(p: vec2f) -> vec4f {
     let q = p - vec2f(0.5);
     let i = vec2u(q);
     let f = q - vec2f(i);
-    let x = lanczos_weights(f.x);
-    let y = lanczos_weights(f.y);
+    let x = lanczos_weights_6(f.x);
+    let y = lanczos_weights_6(f.y);
     let w = params.windows[0];
     let at = w.start + (i.y - 2u) * w.stride + i.x - 2u;
     return lanczos_row(at, x) * y.before.x + lanczos_row(at + w.stride, x) * y.before.y
@@ -247,7 +139,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         colors[item] = lanczos(in_window(0u, at, base));
         return;
     }
-    let e = ellipse(p.dx, p.dy);
+    let e = ellipse(p.dx, p.dy, params.levels, params.most);
     var color = vec4f(0.0);
     if e.share < 1.0 {
         color = (1.0 - e.share) * lanczos(in_window(0u, at, base));

@@ -8,7 +8,7 @@
 //! use barymap::geometry::Topology;
 //! use barymap::models::shapes::uv_sphere;
 //! use barymap::progress::Quiet;
-//! use barymap::raster::{Depth, Image};
+//! use barymap::picture::{Depth, Image};
 //! use barymap::surface::anchors::vertex_point;
 //! use barymap::surface::correspondence::{CorrespondenceOptions, Shape, correspondence};
 //! use barymap::surface::{AnchorPairs, Embedding, EmbeddingOptions};
@@ -88,8 +88,8 @@ pub mod io;
 pub mod io;
 pub mod mapping;
 pub mod models;
+pub mod picture;
 pub mod progress;
-pub mod raster;
 pub mod surface;
 pub mod tools;
 #[cfg(all(test, feature = "gpu"))]
@@ -108,7 +108,7 @@ pub mod prelude {
     pub use crate::Result;
     pub use crate::engine::{Engine, EngineOptions};
     pub use crate::geometry::{Mesh, SurfacePoint, Topology};
-    pub use crate::raster::Image;
+    pub use crate::picture::Image;
     pub use crate::surface::correspondence::Shape;
     pub use crate::surface::{AnchorPairs, Embedding};
     pub use crate::tools::transfer::{Layer, TransferOptions};

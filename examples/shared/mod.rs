@@ -3,6 +3,7 @@
 use std::error::Error;
 
 use barymap::geometry::Mesh;
+use barymap::io::write_image;
 use barymap::tools::animate::frames::contact_sheet;
 use barymap::tools::render::{Coloring, RenderOptions};
 use glam::DVec3;
@@ -25,7 +26,7 @@ pub(crate) fn picture(
     let [width, height] = size;
     let options = RenderOptions { width, height, azimuth: view.0, elevation: view.1, ..RenderOptions::default() };
     let sheet = contact_sheet(mesh, Coloring::Plain([186, 190, 200]), shapes, columns, &options)?;
-    sheet.save(output)?;
+    write_image(&sheet, output)?;
     println!("{output}");
     Ok(())
 }

@@ -7,7 +7,6 @@ use serde_json::{Value, json};
 
 use crate::Result;
 use crate::cli::common::{Common, EmbeddingArguments, Session, Surface, anchor_pairs, check_outputs, usage};
-use crate::cli::demo::from_rgba;
 use crate::geometry::SurfacePoint;
 use crate::io::anchors::PairRemark;
 use crate::surface::AnchorPairs;
@@ -225,7 +224,7 @@ fn picture(
         }
     }
     let row = side_by_side(&views, 8, [255; 4])?;
-    crate::io::write_image(&from_rgba(&row)?, path)
+    crate::io::write_image(&row, path)
 }
 
 fn fill(

@@ -9,7 +9,6 @@ use serde_json::json;
 
 use crate::Result;
 use crate::cli::common::{Common, Session, Surface, check_outputs, usage};
-use crate::cli::demo::from_rgba;
 use crate::cli::model_file::{warn_of_loss, write_animation};
 use crate::cli::shard::{Part, Shard, part, shard};
 use crate::encoding::{Quality, SequenceQuality};
@@ -300,5 +299,5 @@ fn picture(
         ..RenderOptions::default()
     };
     let sheet = contact_sheet(mesh, Coloring::Plain([190, 190, 196]), shapes, 6, &options)?;
-    crate::io::write_image(&from_rgba(&sheet)?, path)
+    crate::io::write_image(&sheet, path)
 }

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use crate::desk::Textures;
 use crate::geometry::Mesh;
 use crate::io::CacheKey;
-use crate::raster::{Image, Pixels};
+use crate::picture::{Image, Pixels};
 use crate::{Error, Result};
 
 /// The record's file in the folder of a result.

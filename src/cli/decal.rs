@@ -12,7 +12,7 @@ use crate::io::decal_anchors::read_decal_anchors;
 use crate::io::finite;
 use crate::io::image_file::{Metadata, Picture, check_image_extension};
 use crate::io::{AnchorSpec, write_obj};
-use crate::raster::Image;
+use crate::picture::Image;
 use crate::tools::decal::{Decal, DecalAnchors, Layout, PaintOptions, composite, decal, paint_placed, with_texcoords};
 use crate::tools::transfer::{Filter, LARGEST_SIDE};
 use crate::{Error, Result};

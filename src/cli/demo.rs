@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use image::RgbaImage;
 use serde_json::json;
 
 use crate::cli::common::{Common, EmbeddingArguments, Session};
@@ -12,7 +11,6 @@ use crate::desk::Textures;
 use crate::geometry::{Material, SurfacePoint};
 use crate::io::TextureName;
 use crate::models::character_pair;
-use crate::raster::{Image, Pixels};
 use crate::surface::Sampling;
 use crate::surface::quality::summarise;
 use crate::surface::{AnchorPairs, EmbeddingOptions};
@@ -51,7 +49,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     session.watch.lap("models");
     let texture_file = path("texture.png");
     let outputs = [TextureName::new(texture_file.display().to_string())];
-    let layers = [Textures::single(from_rgba(&texture)?)];
+    let layers = [Textures::single(texture.clone())];
     let job = Job {
         layers: &layers,
         pyramids: &Pyramids::new(&session.engine),
@@ -89,12 +87,11 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     report["error"] = json!({"mean": e.mean, "median": e.median, "p95": e.p95, "max": e.max});
 
     let view = RenderOptions { width: 900, height: 1100, ..RenderOptions::default() };
-    let transferred = to_rgba(&result.layers[0])?;
     let before = render(&source.mesh, Coloring::Texture(&texture), &anchors.source, &view)?;
-    let after = render(&target.mesh, Coloring::Texture(&transferred), &[] as &[SurfacePoint], &view)?;
+    let after = render(&target.mesh, Coloring::Texture(&result.layers[0]), &[] as &[SurfacePoint], &view)?;
     let picture = side_by_side(&[before, after], 20, [255; 4])?;
-    crate::io::write_image(&from_rgba(&picture)?, path("demo.png"))?;
-    crate::io::write_image(&from_rgba(&texture)?, path("source_texture.png"))?;
+    crate::io::write_image(&picture, path("demo.png"))?;
+    crate::io::write_image(&texture, path("source_texture.png"))?;
     // The same as files, so that the commands of the documentation have something to work on.
     let mut painted = source.mesh.clone();
     painted.set_material(Material {
@@ -125,19 +122,4 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         path("pairs.json").display()
     ));
     Ok(())
-}
-
-/// An 8-bit RGBA picture of the image crate as one of ours.
-pub(crate) fn from_rgba(image: &RgbaImage) -> Result<Image> {
-    Image::new(image.width(), image.height(), 4, Pixels::U8(image.as_raw().clone()))
-}
-
-/// A picture as 8-bit RGBA.
-pub(crate) fn to_rgba(image: &Image) -> Result<RgbaImage> {
-    let converted = image.converted(4, crate::raster::Depth::U8)?;
-    let Pixels::U8(samples) = converted.pixels else {
-        return Err(Error::input("the picture is not 8-bit", "Report this as a fault"));
-    };
-    RgbaImage::from_raw(image.width, image.height, samples)
-        .ok_or_else(|| Error::input("the picture has too few samples", "Report this as a fault"))
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::Result;
 use crate::cli::common::{Session, usage};
 use crate::io::image_file::{Metadata, Picture, is_jpeg, read_picture, read_texture, write_picture};
-use crate::raster::Image;
+use crate::picture::Image;
 
 /// Quality of JPEG files.
 #[derive(Clone, Copy, Debug, clap::Args)]

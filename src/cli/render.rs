@@ -2,10 +2,7 @@
 
 use std::path::PathBuf;
 
-use image::RgbaImage;
-
 use crate::cli::common::{Common, Session, check_outputs, size};
-use crate::cli::demo::{from_rgba, to_rgba};
 use crate::desk::{Textures, own_textures};
 use crate::tools::render::{Coloring, PlacedTexture, RenderOptions, render};
 use crate::{Error, Result};
@@ -53,7 +50,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         Some(path) => session.find(&surface, &crate::io::anchors::read_single(path)?)?,
         None => Vec::new(),
     };
-    let single = arguments.texture.as_ref().map(|p| to_rgba(&session.texture(p)?.image)).transpose()?;
+    let single = arguments.texture.as_ref().map(|p| Ok(session.texture(p)?.image)).transpose()?;
     let own = match (&single, own_textures(&surface.mesh)) {
         (None, Ok(own)) => Some(own),
         // A file without textures and colours is no fault; one whose textures cannot be read is
@@ -64,11 +61,10 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         }
         _ => None,
     };
-    let own_images: Vec<RgbaImage> = own.iter().flat_map(|t| &t.images).map(to_rgba).collect::<Result<_>>()?;
-    let placed = |t: &Textures, i: u32| {
+    fn placed(t: &Textures, i: u32) -> Option<PlacedTexture<'_>> {
         let placement = t.placements.get(i as usize).copied().unwrap_or_default();
-        Some(PlacedTexture { image: own_images.get(i as usize)?, placement })
-    };
+        Some(PlacedTexture { image: t.images.get(i as usize)?, placement })
+    }
     let materials: Vec<Option<PlacedTexture<'_>>> =
         own.iter().flat_map(|t| t.material_texture.iter().map(move |&i| placed(t, i))).collect();
     let byte = |c: f32| (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
@@ -92,7 +88,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     };
     let picture = render(&surface.mesh, coloring, &anchors, &options)?;
     session.watch.lap("render");
-    crate::io::write_image(&from_rgba(&picture)?, &arguments.output)?;
+    crate::io::write_image(&picture, &arguments.output)?;
     session.say(&format!("{}: {} x {}", arguments.output.display(), options.width, options.height));
     let report = session.report("render");
     session.write_report(&report)

@@ -10,7 +10,7 @@ use crate::cli::common::{Common, Session, Surface, check_outputs, usage};
 use crate::cli::model_file::{ModelFormat, New, write_model};
 use crate::geometry::texcoords::{Findings, Islands, findings};
 use crate::geometry::{Mesh, NONE};
-use crate::raster::{Image, Pixels};
+use crate::picture::{Image, Pixels};
 use crate::tools::unwrap::{UnwrapOptions, UnwrapReport, unwrap};
 
 #[derive(Debug, clap::Args)]

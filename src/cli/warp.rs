@@ -13,7 +13,7 @@ use crate::io::finite;
 use crate::io::image_file::{Metadata, Picture, write_picture};
 use crate::io::output_set::OutputSet;
 use crate::mapping::plane::{CompositeMap, Coordinates, jacobian_min};
-use crate::raster::Image;
+use crate::picture::Image;
 use crate::tools::transfer::Encoding;
 use crate::tools::warp::frames::{cut, times};
 use crate::tools::warp::pictures::{heat_map, lattice_picture, overlay};

@@ -3,8 +3,8 @@
 use super::{Check, Outcome, Scene, outcome, quantile, timed};
 use crate::engine::Engine;
 use crate::error::Result;
+use crate::picture::{Depth, Image};
 use crate::progress::Quiet;
-use crate::raster::{Depth, Image};
 use crate::surface::correspondence::CorrespondenceOptions;
 use crate::surface::gpu::correspondence_on;
 use crate::tools::transfer::{Layer, TransferOptions, transfer_on};

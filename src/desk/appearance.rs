@@ -4,7 +4,7 @@ use crate::Result;
 use crate::geometry::material::{AlphaMode, BASE_COLOR, Material, Placement, TextureContent};
 use crate::geometry::{Mesh, NONE};
 use crate::io::TextureName;
-use crate::raster::{Depth, Image, linear_to_srgb, srgb_to_linear};
+use crate::picture::{Depth, Image, linear_to_srgb, srgb_to_linear};
 use crate::tools::transfer::holds_normals;
 
 /// The materials of a source that faces show, and the normal maps among their height maps.

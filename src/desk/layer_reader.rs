@@ -7,7 +7,7 @@ use crate::geometry::material::{Placement, TextureContent};
 use crate::geometry::{Mesh, NONE};
 use crate::io::TextureName;
 use crate::io::image_file::read_texture;
-use crate::raster::Image;
+use crate::picture::Image;
 use crate::tools::transfer::{TilesUsed, UvTile};
 use crate::{Error, Result};
 

@@ -7,7 +7,7 @@ use crate::geometry::{Mesh, NONE};
 use crate::io::TextureName;
 use crate::io::image_file::Metadata;
 use crate::io::output_set::OutputSet;
-use crate::raster::Image;
+use crate::picture::Image;
 use crate::tools::transfer::{TilesUsed, UvRegion, UvTile};
 
 use crate::error::{Error, Result};

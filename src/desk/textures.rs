@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::geometry::material::{BASE_COLOR, Placement};
 use crate::geometry::{Mesh, NONE};
 use crate::io::image_file::Metadata;
-use crate::raster::Image;
+use crate::picture::Image;
 use crate::tools::transfer::LayerKind;
 
 /// The pictures of one layer and how the source uses them.

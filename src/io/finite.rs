@@ -8,7 +8,7 @@
 use std::path::Path;
 
 use crate::geometry::Mesh;
-use crate::raster::{Image, Pixels};
+use crate::picture::{Image, Pixels};
 use crate::{Error, Result};
 
 const REMEDY: &str = "Look in the input for coordinates that are no numbers and remove them, and for very large or small ones and scale the model; if there are none, report this as a fault";

@@ -3,7 +3,7 @@ use glam::DVec2;
 use super::*;
 use crate::geometry::{Corner, MeshBuilder, NONE};
 use crate::io::image_file::encode_png;
-use crate::raster::{Depth, Image};
+use crate::picture::{Depth, Image};
 
 /// A strip of textured triangles with a seam in the middle, two materials, and an unused vertex in
 /// front.

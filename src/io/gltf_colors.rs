@@ -2,7 +2,7 @@
 
 use super::gltf_document::{Document, Primitive};
 use crate::Result;
-use crate::raster::linear_to_srgb;
+use crate::picture::linear_to_srgb;
 
 /// Colours of the vertices of a primitive as viewers show them (sRGB, RGBA, 0..1); nothing where it
 /// has none. The file holds light (glTF 2.0, section 3.7.2.1), as RGB or RGBA, floats or parts of

@@ -10,7 +10,7 @@ use super::gltf_parts::Parts;
 use crate::Result;
 use crate::geometry::Mesh;
 use crate::geometry::material::{AlphaMode, BASE_COLOR, Look, Placement, TextureContent, Wrap};
-use crate::raster::srgb_to_linear;
+use crate::picture::srgb_to_linear;
 
 /// The look of a part of a model.
 #[derive(Clone, Debug, Default)]

@@ -112,7 +112,7 @@ impl Sample {
     }
 
     fn picture(&mut self, value: u8) -> usize {
-        let mut image = crate::raster::Image::zeros(2, 2, 3, crate::raster::Depth::U8).unwrap();
+        let mut image = crate::picture::Image::zeros(2, 2, 3, crate::picture::Depth::U8).unwrap();
         // Every place and channel once: four and three have no common factor.
         (0..12).for_each(|k| image.set(k % 2, k / 2 % 2, k % 3, f32::from(value) / 255.0));
         let bytes = crate::io::image_file::encode_png(&image).unwrap();

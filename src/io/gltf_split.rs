@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::gltf_parts::{ARRAY, ELEMENTS, FLOAT, Parts, UNSIGNED_INT};
 use crate::geometry::{Mesh, NONE};
-use crate::raster::srgb_to_linear;
+use crate::picture::srgb_to_linear;
 use crate::{Error, Result};
 
 /// A vertex that is written.

@@ -149,7 +149,7 @@ mod tests {
     use crate::geometry::{Corner, MeshBuilder};
     use crate::io::gltf_read::parse_gltf;
     use crate::io::image_file::{decode_image, encode_png};
-    use crate::raster::{Depth, Image};
+    use crate::picture::{Depth, Image};
 
     /// Two textured triangles with a seam between them, one of the second material, and one that
     /// repeats a vertex.

@@ -30,7 +30,7 @@ use image::ExtendedColorType;
 use self::format::{Content, Format};
 use self::orientation::Orientation;
 use super::{output, source};
-use crate::raster::{Image, Pixels};
+use crate::picture::{Image, Pixels};
 use crate::{Error, Result};
 
 #[doc(hidden)]

@@ -11,7 +11,7 @@ use super::text_lines::StatementLines;
 use crate::Result;
 use crate::geometry::Material;
 use crate::geometry::material::{BASE_COLOR, RoleTexture, Statement, TextureContent};
-use crate::raster::srgb_to_linear;
+use crate::picture::srgb_to_linear;
 use texture::TextureStatement;
 
 /// A material and its name as the file spells it.

@@ -11,7 +11,7 @@ use super::{finite, output};
 use crate::Result;
 use crate::geometry::material::{BASE_COLOR, Placement, TextureContent, Wrap};
 use crate::geometry::{Material, Mesh, NONE};
-use crate::raster::linear_to_srgb;
+use crate::picture::linear_to_srgb;
 
 /// Writes `mesh` as OBJ, and its materials, if it has any, as an MTL file of the same name beside
 /// it.

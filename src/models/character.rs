@@ -3,7 +3,6 @@
 use std::collections::HashMap;
 
 use glam::{DVec2, DVec3};
-use image::{Rgba, RgbaImage};
 use rayon::prelude::*;
 
 use super::atlas::{Atlas, AtlasStyle};
@@ -14,9 +13,12 @@ use super::paint;
 use super::sampling::{Sampled, Sampling, quad_lengths};
 use super::subdivision::{BaseSurface, Parameter};
 use crate::geometry::{Corner, Mesh, MeshBuilder, NONE, SurfacePoint};
+use crate::picture::{Image, Pixels};
 
 /// Texels around the charts that continue the picture.
 const PADDING: usize = 12;
+/// Texels along a side of a texture at most.
+const MAX_SIZE: u32 = 16_384;
 
 /// A character with texture coordinates and known parameters.
 #[derive(Clone, Debug)]
@@ -81,15 +83,15 @@ impl Character {
         self.sampled.parameters[v]
     }
 
-    /// The painted texture of `size` by `size` texels (raised to 16), opaque, row 0 at v = 1. Each
-    /// texel is the mean of four samples. O(size^2), in parallel; the same bytes for any number of
+    /// The painted texture of `size` by `size` texels (16 to 16,384), 8-bit RGBA, opaque, row 0 at
+    /// v = 1. Each texel is the mean of four samples. O(size^2), in parallel; the same bytes for any number of
     /// threads.
-    pub fn texture(&self, size: u32) -> RgbaImage {
-        let size = size.max(16) as usize;
+    pub fn texture(&self, size: u32) -> Image {
+        let size = size.clamp(16, MAX_SIZE) as usize;
         let owner = self.owners(size);
         let affine: Vec<[DVec3; 3]> = (0..self.mesh.triangle_count()).map(|t| self.texel_map(t, size)).collect();
-        let mut picture = RgbaImage::from_pixel(size as u32, size as u32, Rgba([148, 140, 132, 255]));
-        picture.as_flat_samples_mut().samples.par_chunks_mut(4 * size).enumerate().for_each(|(y, row)| {
+        let mut samples = [148, 140, 132, 255].repeat(size * size);
+        samples.par_chunks_mut(4 * size).enumerate().for_each(|(y, row)| {
             for x in 0..size {
                 let t = owner[y * size + x];
                 if t == NONE {
@@ -106,7 +108,7 @@ impl Character {
                 row[4 * x..4 * x + 3].copy_from_slice(&[c.x as u8, c.y as u8, c.z as u8]);
             }
         });
-        picture
+        Image { width: size as u32, height: size as u32, channels: 4, pixels: Pixels::U8(samples) }
     }
 
     /// Neutral position as an affine function of the texel coordinates (x right, y down) on

@@ -12,7 +12,7 @@ use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
-use barymap::raster::{Image, Pixels};
+use barymap::picture::{Image, Pixels};
 
 use crate::support::{Folder, Ran};
 use judges::JUDGES;

@@ -3,7 +3,7 @@
 use barymap::geometry::Mesh;
 use barymap::io::{read_mesh, write_image, write_obj};
 use barymap::models::shapes::{Diagonal, plane_grid, uv_sphere};
-use barymap::raster::{Image, Pixels};
+use barymap::picture::{Image, Pixels};
 use glam::DVec3;
 
 use crate::support::Folder;

@@ -1,6 +1,6 @@
 //! `barymap transfer --kind`: labels, normals and heights.
 
-use barymap::raster::{Depth, Image, Pixels};
+use barymap::picture::{Depth, Image, Pixels};
 
 use crate::support::{Folder, difference};
 

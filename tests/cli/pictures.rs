@@ -2,7 +2,7 @@
 //! all kinds.
 
 use barymap::io::image_file::{Density, DensityUnit, Metadata, read_picture, write_picture};
-use barymap::raster::{Depth, Image, Pixels};
+use barymap::picture::{Depth, Image, Pixels};
 use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, WritableImage};
 use serde_json::json;
 

@@ -390,7 +390,7 @@ fn what_differs_is_seen() {
     b.write("few.json", "{}");
     assert!(same_file("few.json", &a, &b, &motion).is_err());
     let mut other = waves(64);
-    if let barymap::raster::Pixels::U8(samples) = &mut other.pixels {
+    if let barymap::picture::Pixels::U8(samples) = &mut other.pixels {
         samples[77] ^= 1;
     }
     write_image(&other, b.path("s.png")).unwrap();

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant, SystemTime};
 use barymap::engine::Engine;
 use barymap::geometry::Mesh;
 use barymap::models::shapes::uv_sphere;
-use barymap::raster::{Image, Pixels};
+use barymap::picture::{Image, Pixels};
 use glam::DVec3;
 use serde_json::{Value, json};
 

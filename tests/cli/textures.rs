@@ -4,7 +4,7 @@ use barymap::geometry::material::{AlphaMode, Look};
 use barymap::geometry::{Corner, Mesh, MeshBuilder, NONE};
 use barymap::io::{GlbMaterial, read_mesh, write_image};
 use barymap::models::shapes::uv_sphere;
-use barymap::raster::{Depth, Image, Pixels};
+use barymap::picture::{Depth, Image, Pixels};
 use barymap::tools::transfer::{UvRegion, seam_steps};
 use glam::{DVec2, DVec3};
 

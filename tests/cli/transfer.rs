@@ -121,12 +121,12 @@ fn a_device_does_all_heavy_stages_where_there_is_one() {
 #[test]
 fn several_layers_come_from_one_correspondence() {
     let f = Folder::spheres();
-    barymap::io::write_image(&waves(32).converted(1, barymap::raster::Depth::U16).unwrap(), f.path("grey.png"))
+    barymap::io::write_image(&waves(32).converted(1, barymap::picture::Depth::U16).unwrap(), f.path("grey.png"))
         .unwrap();
     f.run(&format!("{TRANSFER} --texture grey.png -o o.png -o p.png --coverage c.png")).succeeds();
     f.run(&format!("{TRANSFER} -o alone.png")).succeeds();
     assert_eq!(f.bytes("o.png"), f.bytes("alone.png"));
-    assert_eq!(f.image("p.png").depth(), barymap::raster::Depth::U16, "a layer keeps its depth");
+    assert_eq!(f.image("p.png").depth(), barymap::picture::Depth::U16, "a layer keeps its depth");
     f.run(&format!("{TRANSFER} --texture grey.png -o o2.png")).fails(2, &["output", "1 outputs for 2 layers"]);
     assert!(!f.path("o2.png").exists());
 }

@@ -3,7 +3,7 @@
 use barymap::geometry::texcoords::{Islands, OverlapOptions, overlaps};
 use barymap::geometry::{Mesh, SurfacePoint};
 use barymap::io::read_mesh;
-use barymap::raster::Image;
+use barymap::picture::Image;
 use glam::DVec2;
 
 use crate::support::{Folder, STRETCH, difference, waves};

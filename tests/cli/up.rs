@@ -3,7 +3,7 @@
 use barymap::geometry::UpAxis;
 use barymap::io::write_obj;
 use barymap::models::stout;
-use barymap::raster::Image;
+use barymap::picture::Image;
 use glam::{Mat4, Vec3};
 
 use crate::support::Folder;

@@ -1,7 +1,7 @@
 //! `warp` and `warp-points` end to end: pictures, points and outlines, and everything that cannot
 //! be used.
 
-use barymap::raster::{Depth, Image};
+use barymap::picture::{Depth, Image};
 use serde_json::{Value, json};
 
 use crate::support::{Folder, waves};
@@ -150,7 +150,7 @@ fn parts_of_a_sequence_are_frames_of_the_whole() {
 #[test]
 fn every_filter_gives_the_same_bytes_for_any_number_of_threads() {
     let f = folder();
-    for filter in ["ewa", "bilinear", "lanczos", "lanczos4"] {
+    for filter in ["ewa", "anisotropic", "trilinear", "bilinear", "nearest", "lanczos", "lanczos4"] {
         let with = |threads: &str| {
             let words = format!("{WARP} --filter {filter} --canvas 150x90 --outside keep");
             f.run_with(&words, &[("RAYON_NUM_THREADS", threads)]).succeeds();
@@ -343,7 +343,7 @@ fn options_out_of_range() {
         ("--partition uniform:4000000000", ["--partition", "vertices"]),
         ("--canvas 0x5", ["--canvas", "width"]),
         ("--canvas 5000000x5", ["--canvas", "width"]),
-        ("--filter nearest", ["nearest", "ewa"]),
+        ("--filter cubic", ["cubic", "ewa"]),
         ("-o o.psd", ["o.psd", "png"]),
         ("--heatmap h.gif", ["h.gif", "png"]),
     ] {
@@ -364,7 +364,7 @@ fn options_out_of_range() {
 #[test]
 fn pictures_of_one_pixel_and_cages_of_any_size() {
     let f = folder();
-    let one = Image::new(1, 1, 3, barymap::raster::Pixels::U8(vec![10, 200, 30])).unwrap();
+    let one = Image::new(1, 1, 3, barymap::picture::Pixels::U8(vec![10, 200, 30])).unwrap();
     barymap::io::write_image(&one, f.path("one.png")).unwrap();
     for (size, to) in [(1.0, 0.9), (1e6, 0.5e6), (1e-3, 0.5e-3)] {
         f.write("c.json", &corner(size, to).to_string());

@@ -2,7 +2,7 @@
 
 use barymap::Result;
 use barymap::geometry::{Corner, Mesh, MeshBuilder, NONE};
-use barymap::raster::{Image, Pixels};
+use barymap::picture::{Image, Pixels};
 use barymap::surface::{PackedImage, PackedPoint, PointMap, Status};
 use glam::{DVec2, DVec3};
 

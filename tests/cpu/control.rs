@@ -12,8 +12,8 @@ use barymap::mapping::plane::{
 };
 use barymap::mapping::space;
 use barymap::models::shapes::{icosphere, uv_sphere};
+use barymap::picture::{Depth, Image};
 use barymap::progress::Quiet;
-use barymap::raster::{Depth, Image};
 use barymap::surface::anchors::vertex_point;
 use barymap::surface::correspondence::{CorrespondenceOptions, Method, Shape, correspondence};
 use barymap::surface::{AnchorPairs, Embedding, EmbeddingOptions};

@@ -6,7 +6,7 @@ use barymap::geometry::{Diagnosis, Mesh, Topology};
 use barymap::io::gltf_write::glb_bytes;
 use barymap::io::image_file::{decode_image, encode_png};
 use barymap::io::{anchors, gltf_read, npy, obj, off, ply, read_image, read_mesh, write_obj, write_ply};
-use barymap::raster::{Depth, Image};
+use barymap::picture::{Depth, Image};
 use glam::DVec3;
 use proptest::prelude::*;
 

@@ -2,10 +2,11 @@
 //! the host between stages.
 
 use barymap::conformance::Scene;
+use barymap::control::Control;
 use barymap::engine::{Backend, Engine, EngineOptions, Gpu, Traffic};
 use barymap::geometry::NONE;
+use barymap::picture::{Depth, Image, Pixels};
 use barymap::progress::Quiet;
-use barymap::raster::{Depth, Image, Pixels};
 use barymap::surface::PointMap;
 use barymap::surface::correspondence::{CorrespondenceOptions, Method};
 use barymap::surface::gpu::correspondence_on;
@@ -120,7 +121,8 @@ fn texels_that_stay_become_what_texels_that_return_do() {
         let map = job.map(engine, Method::Field);
         for (k, (width, height)) in [(256, 130), (1, 1), (63, 65), (700, 600), (129, 8)].into_iter().enumerate() {
             let background = if k % 2 == 0 { Background::Transparent } else { Background::Color([0.2, 0.4, 0.6, 1.0]) };
-            let filter = [Filter::Anisotropic, Filter::Trilinear, Filter::Bilinear][k % 3];
+            let filter =
+                [Filter::Anisotropic, Filter::Trilinear, Filter::Ewa, Filter::Lanczos, Filter::Bilinear][k % 5];
             let options = TransferOptions { background, filter, ..options(width, height) };
             let found = job.run(engine, &job.colours(), map.as_ref(), &options);
             assert!(found.stays() && found.out.stats.notes.is_empty(), "{:?}", found.out.stats);
@@ -279,4 +281,31 @@ fn a_device_lost_in_the_middle_is_an_error() {
     let (source, target) = (&job.scene.source.0, &job.scene.target.0);
     let lost = transfer_on(&engine, source, &layers, target, map.as_ref(), &options(256, 256), &Fatal(&engine));
     assert!(matches!(lost, Err(barymap::Error::Device { .. })), "{lost:?}");
+}
+
+#[test]
+fn a_cancelled_transfer_gives_the_device_back() {
+    if engine().is_none() {
+        return;
+    }
+    let engine = without(&[]);
+    let job = Job::new();
+    let map = job.map(&engine, Method::Field);
+    let layers = [Layer::single("colour", &job.images[0])];
+    let (source, target) = (&job.scene.source.0, &job.scene.target.0);
+    let work = || transfer_on(&engine, source, &layers, target, map.as_ref(), &options(256, 256), &Quiet);
+    let whole = Control::new();
+    let expected = whole.run(work).unwrap();
+    // At its begin and in the only band. Waits look now and then, too; how often depends on time.
+    let ends = [1, 2];
+    assert!(whole.checks() >= ends[1], "{} looks", whole.checks());
+    let held = engine.gpu().map(Gpu::memory_held);
+    for end in ends {
+        let control = Control::new();
+        control.cancel_at(end);
+        let cancelled = control.run(work);
+        assert!(matches!(cancelled, Err(barymap::Error::Cancelled)), "goes on at look {end}");
+        assert_eq!(engine.gpu().map(Gpu::memory_held), held, "everything is given back");
+    }
+    same_transfer(&expected, &work().unwrap()).unwrap();
 }

@@ -3,8 +3,8 @@
 
 use barymap::engine::{Backend, Engine, EngineOptions, Gpu};
 use barymap::geometry::{Material, Mesh, MeshBuilder, NONE, Wrap};
+use barymap::picture::{Depth, Image, Pixels};
 use barymap::progress::Quiet;
-use barymap::raster::{Depth, Image, Pixels};
 use barymap::surface::Status;
 use barymap::tools::transfer::footprint::Footprint;
 use barymap::tools::transfer::gpu::{DeviceTexture, Sampler};
@@ -79,28 +79,6 @@ fn allowed(f: &Footprint, chain: &MipChain<'_>, params: &SampleParams) -> (f64, 
     let step = (0.5 * narrow).max(wide / f64::from(params.taps)).max(1.0);
     // A few roundings of sums of squares, and of the determinant's products.
     let near = |x: f64, limit: f64, scale: f64| (x - limit).abs() <= 16.0 * EPSILON * scale.max(1.0);
-    let level = match params.filter {
-        Filter::Bilinear => 0.0,
-        Filter::Trilinear => wide.max(1.0).log2(),
-        Filter::Anisotropic => step.log2(),
-    };
-    // WGSL promises log2 to 2^-21, or three units in the last place.
-    let log = 4.0 * 2.0_f64.powi(-20);
-    let along = (wide / step - slack).fract();
-    let decides = match params.filter {
-        Filter::Bilinear => false,
-        _ if near(wide, 1.0 + slack, 1.0) => true,
-        _ if (level.fract() - slack).abs() <= log => true,
-        Filter::Trilinear => false,
-        Filter::Anisotropic => {
-            near(along.min(1.0 - along), 0.0, wide / step) || near(narrow / step, 1.0 + slack, wide / step)
-        }
-    };
-    // Places are sums of the centre in texels and of offsets along the axes, which turn by the
-    // rounding of sums of squares: any axis will do for an ellipse that is almost round.
-    let turn = (4.0 * EPSILON * wide * wide / root.max(f64::MIN_POSITIVE)).min(1.0);
-    let offsets =
-        if params.filter == Filter::Anisotropic { turn * (wide - narrow) + 4.0 * EPSILON * wide } else { 0.0 };
     // Repeats are taken to the picture, mirrored ones to it and the next; a picture that ends is
     // left where the footprint lies.
     let sides = [0, 1].map(|a| match chain.wrap[a] {
@@ -109,10 +87,70 @@ fn allowed(f: &Footprint, chain: &MipChain<'_>, params: &SampleParams) -> (f64, 
         Wrap::Clamp => size[a] * f64::from(f.centre[a].abs()).clamp(1.0, 1000.0),
     });
     let places = 4.0 * EPSILON * (sides[0].max(sides[1]) + 1.0);
+    // Places are sums of the centre in texels and of offsets along the axes, which turn by the
+    // rounding of sums of squares: any axis will do for an ellipse that is almost round.
+    let turn = (4.0 * EPSILON * wide * wide / root.max(f64::MIN_POSITIVE)).min(1.0);
+    match params.filter {
+        Filter::Nearest => {
+            // The texel is that of either side of an edge.
+            let near = |a: usize| {
+                let x = f64::from(f.centre[a]) * size[a];
+                (x - x.round()).abs() <= places
+            };
+            return (32.0 * EPSILON, near(0) || near(1));
+        }
+        Filter::Lanczos | Filter::Lanczos4 => return (windowed_error(params.filter, places), false),
+        Filter::Ewa => {
+            let share = (wide - (1.0 + slack)) / (1.5 - (1.0 + slack));
+            let (wide, narrow) = (wide.max(1.0), narrow.max(1.0).max(wide / 16.0));
+            // The level is chosen by halvings of the narrow side, which is a difference of
+            // products over the wide one.
+            let ratio = wide / narrow;
+            let rounds = 16.0 * EPSILON * ratio;
+            let halvings = (narrow / 3.0).log2();
+            let decides = narrow >= 2.9 && (halvings - halvings.round()).abs() <= 4.0 * rounds;
+            // On the border of the ellipse the form is 1 by terms of up to the square of the
+            // ratio, which hold the rounding of the axis and of the widths; the kernel's mean
+            // changes by less than six times as much. A step of the place is one of less than two
+            // thirds of the radius.
+            let form = (8.0 * rounds + 2.0 * turn) * ratio * ratio;
+            let averaged = 6.0 * form + 4.0 * places + 256.0 * EPSILON;
+            let mixed = if share < 1.0 { windowed_error(Filter::Lanczos, places) + 8.0 * rounds } else { 0.0 };
+            return (if share > 0.0 { averaged.min(2.0) } else { 0.0 } + mixed, decides);
+        }
+        Filter::Anisotropic | Filter::Trilinear | Filter::Bilinear => {}
+    }
+    let level = match params.filter {
+        Filter::Trilinear => wide.max(1.0).log2(),
+        Filter::Anisotropic => step.log2(),
+        _ => 0.0,
+    };
+    // WGSL promises log2 to 2^-21, or three units in the last place.
+    let log = 4.0 * 2.0_f64.powi(-20);
+    let along = (wide / step - slack).fract();
+    let decides = match params.filter {
+        Filter::Bilinear => false,
+        _ if near(wide, 1.0 + slack, 1.0) => true,
+        _ if (level.fract() - slack).abs() <= log => true,
+        Filter::Anisotropic => {
+            near(along.min(1.0 - along), 0.0, wide / step) || near(narrow / step, 1.0 + slack, wide / step)
+        }
+        _ => false,
+    };
+    let offsets =
+        if params.filter == Filter::Anisotropic { turn * (wide - narrow) + 4.0 * EPSILON * wide } else { 0.0 };
     // From texel to texel a colour may change by all of its range, along either axis, at the level
     // it is read from.
     let colour = 2.0 * (places + offsets / step);
     (colour + 2.0 * log + 32.0 * EPSILON, decides)
+}
+
+/// Of the mean of n x n texels weighed by windowed sincs: each weight is off by 2e-6 of the
+/// reference's table and 4e-7 of the kernel's series; a step of the place changes all of an axis by
+/// less than four; the weights of the other axis sum up to less than 1.3 without their signs.
+fn windowed_error(filter: Filter, places: f64) -> f64 {
+    let n = if filter == Filter::Lanczos { 6.0 } else { 8.0 };
+    2.0 * 1.3 * (n * 2.4e-6 + 4.0 * places) + 64.0 * EPSILON
 }
 
 /// How two sets of colours differ.
@@ -174,6 +212,16 @@ fn both(gpu: &Gpu, chain: &MipChain<'_>, params: &SampleParams, footprints: &[Fo
     (expected, found, sampler.left_to_reference())
 }
 
+const FILTERS: [Filter; 7] = [
+    Filter::Anisotropic,
+    Filter::Trilinear,
+    Filter::Bilinear,
+    Filter::Nearest,
+    Filter::Lanczos,
+    Filter::Lanczos4,
+    Filter::Ewa,
+];
+
 #[test]
 fn colours_are_the_reference_s() {
     let mut r = Random(5);
@@ -190,9 +238,9 @@ fn colours_are_the_reference_s() {
                     let modes = [Wrap::Repeat, Wrap::Clamp, Wrap::Mirror];
                     let wrap = [modes[(k + d) % 3], modes[(k + channels as usize) % 3]];
                     let chain = MipChain { wrap, ..MipChain::new(&image, encoding).unwrap() };
-                    let filter = [Filter::Anisotropic, Filter::Trilinear, Filter::Bilinear][(k + d) % 3];
                     let widened = (channels..=4).filter(|&c| c == channels || c == 4 || c == channels + 1);
-                    for (wide, taps) in widened.zip([16, 1, 5]) {
+                    for (turn, (wide, taps)) in widened.zip([16, 1, 5]).enumerate() {
+                        let filter = FILTERS[(3 * k + d + channels as usize + 2 * turn) % FILTERS.len()];
                         // Colour is not made grey.
                         if (channels, wide) == (2, 3) {
                             continue;
@@ -256,6 +304,10 @@ fn the_comparison_of_colours_finds_wrong_ones() {
         SampleParams { filter: Filter::Trilinear, ..params },
         SampleParams { filter: Filter::Bilinear, ..params },
         SampleParams { taps: 4, ..params },
+        SampleParams { filter: Filter::Nearest, ..params },
+        SampleParams { filter: Filter::Lanczos, ..params },
+        SampleParams { filter: Filter::Lanczos4, ..params },
+        SampleParams { filter: Filter::Ewa, ..params },
     ] {
         let mut bad = vec![0.0; 800];
         sample_texture(&chain, &other, &[0, 1], &places, &mut bad);
@@ -397,6 +449,10 @@ fn a_whole_transfer_is_the_same_on_a_device() {
         (63, 65, 2, Filter::Anisotropic),
         (700, 600, 1, Filter::Trilinear),
         (129, 8, 3, Filter::Bilinear),
+        (140, 90, 1, Filter::Ewa),
+        (90, 140, 2, Filter::Lanczos),
+        (91, 60, 1, Filter::Lanczos4),
+        (80, 60, 1, Filter::Nearest),
     ] {
         let options = TransferOptions { width, height, supersample, filter, margin: 5, ..TransferOptions::default() };
         let expected = scene.run(&Engine::cpu(), &options).unwrap();

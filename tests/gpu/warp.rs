@@ -1,9 +1,9 @@
 //! `warp_image` against its reference.
 
-use barymap::raster::{Image, Pixels};
+use barymap::picture::Filter;
+use barymap::picture::{Image, Pixels};
 use barymap::tools::transfer::Encoding;
 use barymap::tools::warp::band::Band;
-use barymap::tools::warp::filter::Filter;
 use barymap::tools::warp::footprint::{Footprint, Footprints};
 use barymap::tools::warp::gpu::warp_image;
 use barymap::tools::warp::pyramid::Pyramid;

@@ -14,7 +14,7 @@ use crate::io::gltf_upright::turned_upright;
 use crate::io::gltf_write::glb_with_materials;
 use crate::io::image_file::encode_png;
 use crate::io::{GlbMaterial, GlbTexture};
-use crate::raster::Image;
+use crate::picture::Image;
 
 /// What the source's materials say beside textures.
 #[derive(Clone, Debug)]

@@ -14,7 +14,7 @@ use crate::io::gltf_read::parse_gltf;
 use crate::io::gltf_samples::{self as samples, Sample};
 use crate::io::image_file::encode_png;
 use crate::io::{LoadedMesh, read_mesh};
-use crate::raster::{Depth, Image};
+use crate::picture::{Depth, Image};
 
 mod frames;
 mod kept;

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 
 use super::format::Format;
 use crate::Result;
-use crate::raster::{Depth, Image, Pixels};
+use crate::picture::{Depth, Image, Pixels};
 
 /// Channels and depth that a format stores a picture with.
 fn stored(format: Format, image: &Image) -> (u32, Depth) {

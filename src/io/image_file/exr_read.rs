@@ -13,7 +13,7 @@ use exr::meta::header::Header;
 use super::Decoded;
 use super::exr_channels::{self, Channel, Form};
 use super::metadata::Metadata;
-use crate::raster::{Image, Pixels};
+use crate::picture::{Image, Pixels};
 
 /// The largest whole number that a float holds with all below.
 const EXACT: u32 = 1 << 24;

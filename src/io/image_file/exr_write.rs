@@ -4,7 +4,7 @@ use std::io::Cursor;
 
 use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, SmallVec, WritableImage, f16};
 
-use crate::raster::{Image, Pixels};
+use crate::picture::{Image, Pixels};
 
 /// The bytes of a file; errors are sentences.
 pub(super) fn write(image: &Image, half: bool) -> Result<Vec<u8>, String> {

@@ -1,6 +1,6 @@
 //! Turning a picture as its EXIF orientation says.
 
-use crate::raster::{Image, Pixels};
+use crate::picture::{Image, Pixels};
 
 /// How a stored picture is to be shown: a value of the EXIF and TIFF tag 274, 1 to 8.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -15,7 +15,7 @@ use image::{
 use super::format::Format;
 use super::metadata::{Metadata, upright_xmp};
 use super::{Decoded, LARGEST, cmyk, exif, jpeg, png, too_large};
-use crate::raster::{Image, Pixels};
+use crate::picture::{Image, Pixels};
 
 /// Decodes a file of this format that may take `most` bytes; errors are sentences.
 pub(super) fn read(bytes: &[u8], format: ImageFormat, most: u64) -> Result<Decoded, String> {

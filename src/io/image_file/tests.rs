@@ -1,7 +1,7 @@
 //! Files of all formats: what goes in comes out, and what cannot be read is said.
 
 use super::*;
-use crate::raster::Depth;
+use crate::picture::Depth;
 
 fn pattern(channels: u32, depth: Depth) -> Image {
     let mut image = Image::zeros(7, 5, channels, depth).unwrap();

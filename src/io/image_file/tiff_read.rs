@@ -10,7 +10,7 @@ use super::cmyk;
 use super::exif::density_of;
 use super::ifd::{Block, Directory, Fields};
 use super::metadata::{Metadata, Part, upright_xmp};
-use crate::raster::{Image, Pixels};
+use crate::picture::{Image, Pixels};
 
 const BITS: u16 = 258;
 const COMPRESSION: u16 = 259;

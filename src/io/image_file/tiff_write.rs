@@ -3,7 +3,7 @@
 
 use super::ifd::{BYTE, Block, Directory, RATIONAL, UNDEFINED, append_even};
 use super::metadata::{DensityUnit, Metadata};
-use crate::raster::{Depth, Image, Pixels};
+use crate::picture::{Depth, Image, Pixels};
 
 /// About as many bytes of a strip.
 const STRIP: usize = 1 << 20;

@@ -3,12 +3,13 @@
 use std::path::Path;
 
 use glam::DVec3;
-use image::{Rgba, RgbaImage};
 
 use crate::error::{Error, Result};
 use crate::geometry::Mesh;
 use crate::io::output_set::OutputFolder;
 use crate::io::{write_obj, write_ply};
+use crate::picture::Image;
+use crate::tools::render::canvas::Canvas;
 use crate::tools::render::{Coloring, MAX_SIZE, RenderOptions, render};
 use crate::words::words;
 
@@ -99,7 +100,7 @@ pub fn contact_sheet(
     shapes: &[Vec<DVec3>],
     columns: usize,
     options: &RenderOptions,
-) -> Result<RgbaImage> {
+) -> Result<Image> {
     let columns = columns.min(shapes.len());
     if columns == 0 {
         return Err(Error::option("frames", "there is nothing to draw", "Choose at least one frame and one column"));
@@ -121,17 +122,17 @@ pub fn contact_sheet(
     };
     let boxes: Vec<(DVec3, DVec3)> = shapes.iter().map(|s| middle_and_size(s)).collect();
     let largest = boxes.iter().fold(DVec3::ZERO, |m, b| m.max(b.1));
-    let mut sheet = RgbaImage::from_pixel(width as u32, height as u32, Rgba(options.background));
+    let mut sheet = Canvas::new(width as u32, height as u32, options.background);
     for (k, (shape, (middle, _))) in shapes.iter().zip(&boxes).enumerate() {
         let mut framed = moved(mesh, shape)?;
         framed.positions.iter_mut().for_each(|p| *p -= *middle);
         // Triangles without area at the corners of the largest box give all pictures one scale.
         let framed = with_corners(&framed, largest * 0.5);
         let picture = render(&framed, coloring, &[], options)?;
-        let (x, y) = ((k % columns) as i64, (k / columns) as i64);
-        image::imageops::replace(&mut sheet, &picture, x * i64::from(options.width), y * i64::from(options.height));
+        let (x, y) = ((k % columns) as u32, (k / columns) as u32);
+        sheet.put(&picture, x * options.width, y * options.height);
     }
-    Ok(sheet)
+    sheet.into_image()
 }
 
 /// `mesh` and eight invisible triangles that extend its bounding box to `-corner .. corner`.
@@ -193,10 +194,10 @@ mod tests {
         let options = RenderOptions { width: 60, height: 60, supersampling: 1, ..RenderOptions::default() };
         let shapes = [mesh.positions.clone(), half, mesh.positions.iter().map(|p| *p + 50.0).collect()];
         let sheet = contact_sheet(&mesh, Coloring::Plain([90, 90, 90]), &shapes, 2, &options).unwrap();
-        assert_eq!((sheet.width(), sheet.height()), (120, 120));
+        assert_eq!((sheet.width, sheet.height), (120, 120));
         let drawn = |x0: u32, y0: u32| {
-            let cell = (0..3600).map(|i| sheet.get_pixel(x0 + i % 60, y0 + i / 60));
-            cell.filter(|p| p.0 != [255; 4]).count() as f64
+            let cell = (0..3600).map(|i| sheet.pixel(x0 + i % 60, y0 + i / 60));
+            cell.filter(|p| *p != [255; 4]).count() as f64
         };
         let (whole, small, far, empty) = (drawn(0, 0), drawn(60, 0), drawn(0, 60), drawn(60, 60));
         assert!(whole > 300.0 && (small / whole - 0.25).abs() < 0.05, "{small} of {whole}");

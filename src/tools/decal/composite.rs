@@ -4,7 +4,7 @@ use glam::DVec2;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::raster::{Image, Pixels};
+use crate::picture::{Image, Pixels};
 use crate::tools::transfer::color::Sample;
 
 /// Texels of transparency around a picture, at least, and in parts of its longer side.

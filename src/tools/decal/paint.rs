@@ -9,8 +9,8 @@ use super::composite::framed;
 use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::geometry::{Corner, Mesh, MeshBuilder, NONE};
+use crate::picture::Image;
 use crate::progress::Progress;
-use crate::raster::Image;
 use crate::surface::{PackedImage, PackedPoint, PointMap, Status};
 use crate::tools::transfer::{Encoding, Filter, Layer, TransferOptions, TransferStats, transfer_on};
 

@@ -3,8 +3,8 @@ use crate::engine::Engine;
 use crate::geometry::ClosestPoints;
 use crate::geometry::material::{Placement, Wrap};
 use crate::models::shapes::{Diagonal, Random, icosphere, irregular_plane, plane_grid, tube};
+use crate::picture::{Image, Pixels};
 use crate::progress::Quiet;
-use crate::raster::{Image, Pixels};
 use crate::tools::transfer::Filter;
 
 /// The closest points of a mesh.

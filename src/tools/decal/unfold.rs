@@ -14,8 +14,8 @@ use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::geometry::Mesh;
 use crate::geometry::material::{Placement, Wrap};
+use crate::picture::Image;
 use crate::progress::Progress;
-use crate::raster::Image;
 
 /// Longest side of an unfolded texture.
 const LARGEST: u32 = 16384;

@@ -1,11 +1,10 @@
 //! Anchors: dots in colours that tell neighbours apart, and their numbers.
 
-use glam::{DVec2, DVec3, Vec3};
-use image::RgbaImage;
+use glam::{DVec2, DVec3};
 
 use super::RenderOptions;
 use super::camera::Camera;
-use super::shade::{encode, linear};
+use super::canvas::Canvas;
 use crate::geometry::{Mesh, SurfacePoint};
 
 /// Digits of three by five dots, rows from the top, the left dot in the highest bit.
@@ -34,7 +33,7 @@ fn anchor_color(i: usize) -> [u8; 3] {
 
 /// Draws the anchors that are not hidden behind the shape.
 pub(super) fn draw_anchors(
-    picture: &mut RgbaImage,
+    picture: &mut Canvas,
     depths: &[f32],
     mesh: &Mesh,
     anchors: &[SurfacePoint],
@@ -68,8 +67,8 @@ pub(super) fn draw_anchors(
     }
 }
 
-fn disc(picture: &mut RgbaImage, centre: DVec2, radius: f64, color: [u8; 3]) {
-    let (w, h) = (i64::from(picture.width()), i64::from(picture.height()));
+fn disc(picture: &mut Canvas, centre: DVec2, radius: f64, color: [u8; 3]) {
+    let (w, h) = (i64::from(picture.width), i64::from(picture.height));
     let r = radius.ceil() as i64 + 1;
     let (cx, cy) = (centre.x as i64, centre.y as i64);
     for y in (cy - r).max(0)..=(cy + r).min(h - 1) {
@@ -77,19 +76,19 @@ fn disc(picture: &mut RgbaImage, centre: DVec2, radius: f64, color: [u8; 3]) {
             let distance = DVec2::new(x as f64 + 0.5, y as f64 + 0.5).distance(centre);
             let cover = (radius - distance + 0.5).clamp(0.0, 1.0);
             if cover > 0.0 {
-                blend(picture, x as u32, y as u32, color, cover as f32);
+                picture.blend(x as u32, y as u32, color, cover as f32);
             }
         }
     }
 }
 
-fn number(picture: &mut RgbaImage, i: usize, at: DVec2, dot: i64) {
-    let (w, h) = (i64::from(picture.width()), i64::from(picture.height()));
+fn number(picture: &mut Canvas, i: usize, at: DVec2, dot: i64) {
+    let (w, h) = (i64::from(picture.width), i64::from(picture.height));
     let (x0, y0) = (at.x as i64, at.y as i64 - 5 * dot);
     let mut fill = |x: i64, y: i64, grow: i64, color: [u8; 3]| {
         for y in (y - grow).max(0)..(y + dot + grow).min(h) {
             for x in (x - grow).max(0)..(x + dot + grow).min(w) {
-                blend(picture, x as u32, y as u32, color, 1.0);
+                picture.blend(x as u32, y as u32, color, 1.0);
             }
         }
     };
@@ -105,14 +104,4 @@ fn number(picture: &mut RgbaImage, i: usize, at: DVec2, dot: i64) {
             }
         }
     }
-}
-
-fn blend(picture: &mut RgbaImage, x: u32, y: u32, color: [u8; 3], cover: f32) {
-    let pixel = picture.get_pixel_mut(x, y);
-    let old_alpha = f32::from(pixel.0[3]) / 255.0;
-    let alpha = cover + old_alpha * (1.0 - cover);
-    let old = Vec3::from([0, 1, 2].map(|k| linear(pixel.0[k])));
-    let new = Vec3::from(color.map(linear));
-    let mixed = (new * cover + old * (old_alpha * (1.0 - cover))) / alpha;
-    pixel.0 = [encode(mixed.x), encode(mixed.y), encode(mixed.z), (alpha * 255.0 + 0.5) as u8];
 }

@@ -5,18 +5,20 @@
 //! [`RenderOptions::supersampling`] squared samples a pixel, averaged in linear light.
 
 mod camera;
+pub(crate) mod canvas;
 mod marks;
 mod raster;
 mod scan;
 mod shade;
 
 use glam::DVec3;
-use image::{Rgba, RgbaImage};
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, Placement, SurfacePoint, UpAxis};
+use crate::picture::Image;
 use camera::Camera;
+use canvas::Canvas;
 use shade::Shader;
 
 /// Largest width and height of a picture.
@@ -29,8 +31,8 @@ pub enum Coloring<'a> {
     /// One colour, sRGB.
     Plain([u8; 3]),
     /// One texture for all triangles that have texture coordinates (wrapped, row 0 at v = 1); the
-    /// others are grey.
-    Texture(&'a RgbaImage),
+    /// others are grey. Alpha is left out; 8 and 16 bits are sRGB, floats are light.
+    Texture(&'a Image),
     /// A texture per material by its index; triangles without one are grey. A texture of one texel
     /// needs no texture coordinates.
     Materials(&'a [Option<PlacedTexture<'a>>]),
@@ -43,7 +45,7 @@ pub enum Coloring<'a> {
 #[derive(Clone, Copy, Debug)]
 pub struct PlacedTexture<'a> {
     /// The texture; row 0 is v = 1.
-    pub image: &'a RgbaImage,
+    pub image: &'a Image,
     /// How it lies.
     pub placement: Placement,
 }
@@ -134,16 +136,11 @@ impl RenderOptions {
 ///
 /// # Errors
 /// [`Error::Option`] if an option is out of its range.
-pub fn render(
-    mesh: &Mesh,
-    coloring: Coloring<'_>,
-    anchors: &[SurfacePoint],
-    options: &RenderOptions,
-) -> Result<RgbaImage> {
+pub fn render(mesh: &Mesh, coloring: Coloring<'_>, anchors: &[SurfacePoint], options: &RenderOptions) -> Result<Image> {
     options.check()?;
-    let mut picture = RgbaImage::from_pixel(options.width, options.height, Rgba(options.background));
+    let mut picture = Canvas::new(options.width, options.height, options.background);
     let Some(camera) = Camera::fitted(mesh, options) else {
-        return Ok(picture);
+        return picture.into_image();
     };
     let samples = options.supersampling;
     let projected: Vec<DVec3> = mesh
@@ -156,8 +153,8 @@ pub fn render(
     let (width, rows) = (options.width as usize, 8);
     let mut depth_of_pixels = vec![f32::INFINITY; width * options.height as usize];
     picture
-        .as_flat_samples_mut()
-        .samples
+        .pixels
+        .as_flattened_mut()
         .par_chunks_mut(4 * width * rows)
         .zip(depth_of_pixels.par_chunks_mut(width * rows))
         .enumerate()
@@ -166,29 +163,31 @@ pub fn render(
             shader.resolve(&fragments, &projected, pixels, depths);
         });
     marks::draw_anchors(&mut picture, &depth_of_pixels, mesh, anchors, &camera, options);
-    Ok(picture)
+    picture.into_image()
 }
 
 /// Pictures beside one another, centred vertically, `gap` pixels apart, on a background of sRGB and
-/// opacity.
+/// opacity: 8-bit RGBA.
 ///
 /// # Errors
-/// [`Error::Option`] if the result would be wider than four times [`MAX_SIZE`].
-pub fn side_by_side(pictures: &[RgbaImage], gap: u32, background: [u8; 4]) -> Result<RgbaImage> {
+/// [`Error::Option`] if there are none or the result would be wider than four times [`MAX_SIZE`].
+pub fn side_by_side(pictures: &[Image], gap: u32, background: [u8; 4]) -> Result<Image> {
+    if pictures.is_empty() {
+        return Err(Error::option("pictures", "there is nothing to show", "Give at least one picture"));
+    }
     let gaps = u64::from(gap) * pictures.len().saturating_sub(1) as u64;
-    let width = pictures.iter().map(|p| u64::from(p.width())).sum::<u64>() + gaps;
-    let height = pictures.iter().map(RgbaImage::height).max().unwrap_or(0);
+    let width = pictures.iter().map(|p| u64::from(p.width)).sum::<u64>() + gaps;
+    let height = pictures.iter().map(|p| p.height).max().unwrap_or(0);
     let limit = u64::from(MAX_SIZE) * 4;
     if width > limit {
         let what = format!("the row of pictures would be {width} pixels wide");
         return Err(Error::option("width", what, format!("Make fewer or smaller pictures: {limit} is the limit")));
     }
-    let mut row = RgbaImage::from_pixel(width as u32, height, Rgba(background));
+    let mut row = Canvas::new(width as u32, height, background);
     let mut x = 0;
     for picture in pictures {
-        let y = (height - picture.height()) / 2;
-        image::imageops::replace(&mut row, picture, x, i64::from(y));
-        x += i64::from(picture.width()) + i64::from(gap);
+        row.put(picture, x, (height - picture.height) / 2);
+        x += picture.width + gap;
     }
-    Ok(row)
+    row.into_image()
 }

@@ -3,12 +3,12 @@
 use std::collections::HashMap;
 
 use glam::{DVec2, DVec3, Vec3};
-use image::RgbaImage;
 
 use super::camera::Camera;
 use super::raster::{Edges, Fragments};
 use super::{Coloring, RenderOptions};
 use crate::geometry::{Corner, Mesh, NONE, Placement, Wrap};
+use crate::picture::{Image, Pixels, linear_to_srgb, srgb_to_linear};
 
 /// Shown where there is no colour.
 const GREY: [u8; 3] = [176, 176, 176];
@@ -17,15 +17,12 @@ const MAX_LEVEL: usize = 3;
 
 /// sRGB to linear light.
 pub(super) fn linear(c: u8) -> f32 {
-    let c = f32::from(c) / 255.0;
-    if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
+    srgb_to_linear(f32::from(c) / 255.0)
 }
 
 /// Linear light to sRGB.
 pub(super) fn encode(c: f32) -> u8 {
-    let c = c.clamp(0.0, 1.0);
-    let s = if c <= 0.003_130_8 { 12.92 * c } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 };
-    (s * 255.0 + 0.5) as u8
+    (linear_to_srgb(c.clamp(0.0, 1.0)) * 255.0 + 0.5) as u8
 }
 
 fn linear_color([r, g, b]: [u8; 3]) -> Vec3 {
@@ -36,14 +33,18 @@ fn linear_color([r, g, b]: [u8; 3]) -> Vec3 {
 struct Mips(Vec<(usize, usize, Vec<Vec3>)>);
 
 impl Mips {
-    fn new(texture: &RgbaImage) -> Option<Self> {
-        let (mut w, mut h) = (texture.width() as usize, texture.height() as usize);
-        if w == 0 || h == 0 {
-            return None;
-        }
+    fn new(texture: &Image) -> Option<Self> {
+        let (mut w, mut h) = (texture.width as usize, texture.height as usize);
+        texture.check("texture").ok()?;
         let table: Vec<f32> = (0..=255).map(linear).collect();
-        let mut texels: Vec<Vec3> =
-            texture.pixels().map(|p| Vec3::from([0, 1, 2].map(|k| table[usize::from(p.0[k])]))).collect();
+        let light = |i: usize| match &texture.pixels {
+            Pixels::U8(s) => table[usize::from(s[i])],
+            Pixels::U16(_) => srgb_to_linear(texture.sample(i)),
+            Pixels::F32(s) => s[i],
+        };
+        let channels = texture.channels as usize;
+        let colours = if channels < 3 { [0; 3] } else { [0, 1, 2] };
+        let mut texels: Vec<Vec3> = (0..w * h).map(|i| Vec3::from(colours.map(|c| light(i * channels + c)))).collect();
         let mut levels = Vec::new();
         while levels.len() < MAX_LEVEL && w > 1 && h > 1 {
             let (half_w, half_h) = (w / 2, h / 2);

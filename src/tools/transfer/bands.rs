@@ -15,8 +15,8 @@ use super::tally::Tally;
 use super::{TransferOptions, TransferStats};
 use crate::control;
 use crate::error::Result;
+use crate::picture::Image;
 use crate::progress::Progress;
-use crate::raster::Image;
 use crate::tools::stopwatch::Stopwatch;
 
 /// What bands are made of, and what becomes of them.

@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-pub use crate::raster::{linear_to_srgb, srgb_to_linear};
+pub use crate::picture::{linear_to_srgb, srgb_to_linear};
 
 /// A depth of samples.
 pub(crate) trait Sample: Copy + Default + Send + Sync + 'static {

@@ -9,7 +9,7 @@ use super::coverage;
 use super::lookup::Lookup;
 use super::tiles::UvTile;
 use crate::geometry::{NONE, Wrap};
-use crate::raster::{Image, Pixels};
+use crate::picture::{Image, Pixels};
 use crate::surface::Status;
 
 /// Channels of an ST-map.

@@ -23,8 +23,8 @@ use crate::control;
 use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, NONE};
+use crate::picture::{Depth, Image, Pixels};
 use crate::progress::Progress;
-use crate::raster::{Depth, Image, Pixels};
 use crate::surface::PointMap;
 use crate::tools::stopwatch::Stopwatch;
 

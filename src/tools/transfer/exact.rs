@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::footprint::Footprint;
 use super::mip::MipChain;
 use crate::geometry::{NONE, Wrap};
-use crate::raster::{Image, Pixels};
+use crate::picture::{Image, Pixels};
 
 /// Distance to the centre of the source's texel, in texels. Below the steps of graphics devices'
 /// own filters (1/256), above what single precision makes of texture coordinates in pictures of

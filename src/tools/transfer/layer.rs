@@ -10,7 +10,7 @@ use super::mip::{Alpha, Encoding, MipChain};
 use super::pyramids::Pyramids;
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, NONE, Placement, Wrap};
-use crate::raster::{Depth, Image, Pixels};
+use crate::picture::{Depth, Image, Pixels};
 
 /// One texture of the source (colour, roughness, normals ...), as a picture for all of it or one
 /// per material.

@@ -22,7 +22,7 @@ use super::{TransferOptions, coverage};
 use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, NONE};
-use crate::raster::{Image, Pixels};
+use crate::picture::{Image, Pixels};
 use crate::surface::{PackedImage, PackedPoint, PointMap};
 
 /// Bytes per texel beside the pictures: what it shows, its image, its place in the lists, coverage.

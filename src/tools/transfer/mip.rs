@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::color::Sample;
 use crate::error::Result;
 use crate::geometry::Wrap;
-use crate::raster::{Depth, Image, Pixels};
+use crate::picture::{Depth, Image, Pixels};
 
 /// What the last of 2 or 4 channels means.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]

@@ -52,7 +52,9 @@ mod rebase;
 mod recognise;
 mod tally;
 mod vertex_colors;
+mod windowed;
 
+pub use crate::picture::Filter;
 pub use crate::tools::stopwatch::StageTime;
 pub use bins::UvRegion;
 pub use driver::{transfer, transfer_on, transfer_with};
@@ -66,14 +68,13 @@ pub use plan::memory_needed;
 pub use pyramids::Pyramids;
 #[doc(hidden)]
 pub use recognise::holds_normals;
-pub use sample::Filter;
 #[doc(hidden)]
 pub use seams::{SeamSteps, seam_steps};
 #[doc(hidden)]
 pub use tiles::TilesUsed;
 pub use tiles::UvTile;
 
-use crate::raster::Image;
+use crate::picture::Image;
 
 #[cfg(doc)]
 use crate::surface::PointMap;
@@ -145,7 +146,7 @@ impl Default for TransferOptions {
             height: 2048,
             margin: 16,
             supersample: 1,
-            filter: Filter::default(),
+            filter: Filter::Anisotropic,
             taps: 16,
             background: Background::default(),
             fill: Fill::default(),

@@ -7,7 +7,7 @@ use super::footprint::Footprint;
 use super::mip::MipChain;
 use super::sample::widen;
 use crate::geometry::NONE;
-use crate::raster::Pixels;
+use crate::picture::Pixels;
 
 /// Texels of one parallel task.
 const TASK: usize = 4096;
@@ -65,7 +65,7 @@ pub(super) fn nearest_texels(
 mod tests {
     use super::*;
     use crate::geometry::Wrap;
-    use crate::raster::Image;
+    use crate::picture::Image;
     use crate::tools::transfer::Encoding;
 
     #[test]

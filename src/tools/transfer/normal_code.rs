@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::kind::NormalY;
-use crate::raster::Depth;
+use crate::picture::Depth;
 
 /// How a depth holds numbers that may be negative.
 ///

@@ -20,7 +20,7 @@ use super::{Background, TransferOptions};
 use crate::engine::Gpu;
 use crate::error::Result;
 use crate::geometry::{Mesh, NONE};
-use crate::raster::{Depth, Image};
+use crate::picture::{Depth, Image};
 
 /// Buffers of a band, kept to be reused.
 #[derive(Default)]

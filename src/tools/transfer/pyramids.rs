@@ -7,7 +7,7 @@ use super::gpu::DevicePicture;
 use super::mip::{Encoding, MipChain};
 use crate::engine::{Engine, Gpu};
 use crate::error::Result;
-use crate::raster::Image;
+use crate::picture::Image;
 
 /// The pyramids of pictures that were used so far, on the host and on the device of an engine.
 ///
@@ -94,7 +94,7 @@ impl Place {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::raster::Pixels;
+    use crate::picture::Pixels;
 
     #[test]
     fn a_picture_has_one_pyramid_for_each_way_it_is_read() {

@@ -22,7 +22,7 @@ use super::normal_code::{NormalCode, zero_height};
 use crate::error::Result;
 use crate::geometry::tangent_frames::TangentFrames;
 use crate::geometry::{Frame, Mesh, NONE, SurfacePoint, Topology};
-use crate::raster::Depth;
+use crate::picture::Depth;
 use crate::surface::quality::vertex_normals;
 use crate::surface::{PointMap, Status};
 use crate::tools::differential::Differential;

@@ -1,6 +1,6 @@
 //! Telling what a picture holds by its texels.
 
-use crate::raster::Image;
+use crate::picture::Image;
 
 /// Texels that are looked at, at most.
 const LOOKED_AT: usize = 1 << 14;
@@ -39,7 +39,7 @@ pub fn holds_normals(image: &Image) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::raster::Depth;
+    use crate::picture::Depth;
 
     fn picture(texel: impl Fn(u32, u32) -> [f32; 3]) -> Image {
         let mut image = Image::zeros(32, 16, 3, Depth::U8).unwrap();

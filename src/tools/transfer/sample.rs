@@ -1,10 +1,4 @@
-//! `sample_texture`: the colour of a texel, averaged over its footprint on the source's texture.
-//!
-//! The footprint's matrix takes the texel's square to a parallelogram, read as an ellipse with its
-//! singular values as widths. Taps are spread along its wide side (Schilling, Knittel and Strasser
-//! 1996, "Texram"; EXT_texture_filter_anisotropic) and, unlike there, two across its narrow side:
-//! boxes of half its width put together are much closer to the footprint than one blurred box of
-//! all of it (25 against 17 dB on a chequered texture reduced four times, see the tests).
+//! `sample_texture`: the colour of a texel, from its footprint on the source's texture.
 
 use rayon::prelude::*;
 
@@ -12,37 +6,13 @@ use super::color::Sample;
 use super::footprint::Footprint;
 use super::mip::{Encoding, Level, MipChain};
 use crate::geometry::{NONE, Wrap};
-use crate::raster::Pixels;
-use crate::words::words;
+use crate::picture::Filter;
+use crate::picture::Pixels;
+use crate::picture::lanczos::LanczosTable;
+use crate::picture::taps::{SLACK, Taps, floor, near_picture, wrapped};
 
-/// Footprints up to this much wider than a texel, or than a whole number of narrow sides, count as
-/// no wider, so that rounding does not blur.
-pub(super) const SLACK: f32 = 1.0 / 64.0;
-/// Footprints wider than this many texels see the mean of the whole picture.
-pub(super) const LARGEST_FOOTPRINT: f32 = 1e6;
 /// Texels of one parallel task.
 const TASK: usize = 4096;
-
-/// How a texture is averaged.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Filter {
-    /// Over the footprint: levels of a mip chain along its narrow side, up to 16 taps along the
-    /// wide one.
-    #[default]
-    Anisotropic,
-    /// Levels of a mip chain by the wide side of the footprint: blurs where it is much wider than
-    /// narrow.
-    Trilinear,
-    /// Four texels of the picture whatever the footprint: flickers and aliases where the texture is
-    /// reduced.
-    Bilinear,
-}
-
-words! { Filter, "filter", "a filter":
-    Anisotropic => "anisotropic",
-    Trilinear => "trilinear",
-    Bilinear => "bilinear",
-}
 
 /// Parameters of [`sample_texture`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -147,78 +117,34 @@ pub(super) fn widen_samples<T: Copy>(color: &[T], out: &mut [T], full: T) {
     }
 }
 
-/// The level and the taps of a footprint, in texels of level 0.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Taps {
-    /// Where they are centred.
-    centre: [f32; 2],
-    /// Level of the mip chain, with fraction.
-    level: f32,
-    /// Number of taps along and across.
-    count: [u32; 2],
-    /// The sides of the ellipse, wide and narrow, over which they are spread.
-    sides: [[f32; 2]; 2],
-}
-
-impl Taps {
-    #[inline]
-    fn new(f: &Footprint, size: [u32; 2], wrap: [Wrap; 2], params: &SampleParams) -> Self {
-        let s = size.map(|n| n as f32);
-        let centre = [0, 1].map(|a| near_picture(f.centre[a], wrap[a]) * s[a]);
-        let one = |level: f32| Self { centre, level, count: [1; 2], sides: [[0.0; 2]; 2] };
-        if params.filter == Filter::Bilinear {
-            return one(0.0);
-        }
-        let (dx, dy) = ([f.dx[0] * s[0], f.dx[1] * s[1]], [f.dy[0] * s[0], f.dy[1] * s[1]]);
-        // Eigenvalues of M M^T are the squares of the widths.
-        let (a, b, c) = (dx[0] * dx[0] + dy[0] * dy[0], dx[0] * dx[1] + dy[0] * dy[1], dx[1] * dx[1] + dy[1] * dy[1]);
-        let (mean, half) = (0.5 * (a + c), 0.5 * (a - c));
-        let root = (half * half + b * b).sqrt();
-        let wide = (mean + root).sqrt();
-        if wide <= 1.0 + SLACK {
-            return one(0.0);
-        }
-        if wide.is_nan() || wide > LARGEST_FOOTPRINT {
-            return one(LARGEST_FOOTPRINT);
-        }
-        if params.filter == Filter::Trilinear {
-            return one(wide.log2());
-        }
-        // The product of the widths is the determinant: no cancellation.
-        let narrow = (dx[0] * dy[1] - dx[1] * dy[0]).abs() / wide;
-        let most = params.taps.clamp(1, 16) as f32;
-        // Distance of taps, and width of the boxes they see.
-        let step = (0.5 * narrow).max(wide / most).max(1.0);
-        let along = (-floor(SLACK - wide / step)).clamp(1, most as i32);
-        let across = if narrow / step > 1.0 + SLACK { 2 } else { 1 };
-        let axis = if half >= 0.0 { [half + root, b] } else { [b, root - half] };
-        let length = (axis[0] * axis[0] + axis[1] * axis[1]).sqrt();
-        let unit = if length > 0.0 { [axis[0] / length, axis[1] / length] } else { [1.0, 0.0] };
-        let sides = [[unit[0] * wide, unit[1] * wide], [-unit[1] * narrow, unit[0] * narrow]];
-        let level = if step > 1.0 { step.log2() } else { 0.0 };
-        Self { centre, level, count: [along as u32, across], sides }
-    }
-
-    /// Place of tap (i, j).
-    #[inline]
-    fn place(&self, i: u32, j: u32) -> [f32; 2] {
-        let at = |k: u32, n: u32| (k as f32 + 0.5) / n as f32 - 0.5;
-        let (s, t) = (at(i, self.count[0]), at(j, self.count[1]));
-        [0, 1].map(|a| self.centre[a] + s * self.sides[0][a] + t * self.sides[1][a])
-    }
-}
-
-struct Texture<'a, T, const C: usize> {
+/// A chain whose samples have one type and number.
+pub(super) struct Texture<'a, T, const C: usize> {
     base: &'a [T],
-    size: [u32; 2],
-    levels: &'a [Level],
+    pub(super) size: [u32; 2],
+    pub(super) levels: &'a [Level],
     wrap: [Wrap; 2],
     encoding: Encoding,
 }
 
 impl<T: Sample, const C: usize> Texture<'_, T, C> {
     fn sample(&self, f: &Footprint, params: &SampleParams) -> [f32; C] {
-        let taps = Taps::new(f, self.size, self.wrap, params);
+        let size = self.size.map(|n| n as f32);
+        let scaled = |v: [f32; 2]| [v[0] * size[0], v[1] * size[1]];
+        let centre = scaled([0, 1].map(|a| near_picture(f.centre[a], self.wrap[a])));
+        let (dx, dy) = (scaled(f.dx), scaled(f.dy));
+        match params.filter {
+            Filter::Ewa => self.elliptical(centre, dx, dy),
+            Filter::Nearest => self.nearest(centre),
+            Filter::Lanczos => self.windowed::<6>(LanczosTable::<6>::get(), centre),
+            Filter::Lanczos4 => self.windowed::<8>(LanczosTable::<8>::get(), centre),
+            filter @ (Filter::Anisotropic | Filter::Trilinear | Filter::Bilinear) => {
+                self.tapped(&Taps::new(centre, dx, dy, filter, params.taps))
+            }
+        }
+    }
+
+    /// The mean of boxes of the chain.
+    fn tapped(&self, taps: &Taps) -> [f32; C] {
         let level = taps.level.min(self.levels.len() as f32);
         let lower = floor(level).max(0) as usize;
         let fraction = level - lower as f32;
@@ -248,44 +174,39 @@ impl<T: Sample, const C: usize> Texture<'_, T, C> {
     #[inline(always)]
     fn bilinear(&self, level: usize, p: [f32; 2]) -> [f32; C] {
         if level == 0 {
-            bilinear(self.size, self.wrap, p, |t| self.encoding.decode::<T, C>(&self.base[t * C..t * C + C]))
+            bilinear(self.size, self.wrap, p, |t| self.decoded(t))
         } else {
             let l = &self.levels[level - 1];
             let q = [0, 1].map(|a| p[a] * ([l.width, l.height][a] as f32 / self.size[a] as f32));
-            bilinear([l.width, l.height], self.wrap, q, |t| {
-                let mut texel = [0.0; C];
-                texel.copy_from_slice(&l.texels[t * C..t * C + C]);
-                texel
-            })
+            bilinear([l.width, l.height], self.wrap, q, |t| level_texel(l, t))
         }
     }
-}
 
-/// The largest integer not above `x`; without SSE 4.1, `f32::floor` is a call.
-#[inline]
-fn floor(x: f32) -> i32 {
-    let toward_zero = x as i32;
-    toward_zero.saturating_sub(i32::from(toward_zero as f32 > x))
-}
+    /// Texel `index` of level 0.
+    #[inline(always)]
+    fn decoded(&self, index: usize) -> [f32; C] {
+        self.encoding.decode::<T, C>(&self.base[index * C..index * C + C])
+    }
 
-/// Farther from a picture than this, in its sides, its border is all that a footprint sees.
-pub(super) const FAR: f32 = 1000.0;
+    /// The texel of `level` that stands for one of its plane.
+    #[inline(always)]
+    pub(super) fn texel(&self, level: usize, x: i32, y: i32) -> [f32; C] {
+        let [width, height] = self.level_size(level);
+        let index = wrapped(y, height, self.wrap[1]) * width as usize + wrapped(x, width, self.wrap[0]);
+        if level == 0 { self.decoded(index) } else { level_texel(&self.levels[level - 1], index) }
+    }
 
-/// A coordinate that shows the same texels, brought near the picture: far off, the fraction of a
-/// texel would be lost, and in the end the range of integers left.
-#[inline]
-fn near_picture(x: f32, wrap: Wrap) -> f32 {
-    match wrap {
-        Wrap::Repeat => x - floor(x) as f32,
-        Wrap::Mirror => x - 2.0 * floor(0.5 * x) as f32,
-        Wrap::Clamp => x.clamp(-FAR, FAR),
+    /// Texels per row, and rows, of a level.
+    pub(super) fn level_size(&self, level: usize) -> [u32; 2] {
+        if level == 0 { self.size } else { [self.levels[level - 1].width, self.levels[level - 1].height] }
     }
 }
 
-/// The texel that stands for one beyond the picture.
-#[inline]
-fn wrapped(index: i32, n: u32, wrap: Wrap) -> usize {
-    if (0..n as i32).contains(&index) { index as usize } else { wrap.texel(i64::from(index), n) as usize }
+#[inline(always)]
+fn level_texel<const C: usize>(level: &Level, index: usize) -> [f32; C] {
+    let mut texel = [0.0; C];
+    texel.copy_from_slice(&level.texels[index * C..index * C + C]);
+    texel
 }
 
 #[inline(always)]

@@ -11,7 +11,7 @@ use super::bins::{Atlas, Bins};
 use super::charts::charts;
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, NONE};
-use crate::raster::Image;
+use crate::picture::Image;
 
 /// Places along one edge at most, in multiples of the picture's half circumference.
 const MOST_ALONG: f64 = 4.0;

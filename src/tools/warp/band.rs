@@ -2,10 +2,10 @@
 
 use rayon::prelude::*;
 
-use super::filter::Filter;
 use super::footprint::Seen;
 use super::gather::{Block, warp_image};
 use super::pyramid::{Pyramid, Texel, Window};
+use crate::picture::Filter;
 
 /// Pixels along a side of a block: its pre-images lie close together, so that one decoded window
 /// serves them all.

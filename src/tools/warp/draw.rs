@@ -3,7 +3,7 @@
 use glam::DVec2;
 
 use crate::error::Result;
-use crate::raster::{Depth, Image, Pixels};
+use crate::picture::{Depth, Image, Pixels};
 
 /// A picture of 8-bit RGB to draw on.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,7 +1,6 @@
 //! The whole picture, band after band.
 
 use super::band::Band;
-use super::filter::Filter;
 use super::footprint::Footprints;
 use super::gpu;
 use super::placement::Placement;
@@ -12,8 +11,9 @@ use crate::control;
 use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::mapping::plane::{CompositeMap, Found};
+use crate::picture::Filter;
+use crate::picture::Image;
 use crate::progress::Progress;
-use crate::raster::Image;
 use crate::tools::stopwatch::{StageTime, Stopwatch};
 use crate::tools::transfer::Encoding;
 
@@ -50,7 +50,7 @@ pub struct WarpOptions {
 impl Default for WarpOptions {
     fn default() -> Self {
         Self {
-            filter: Filter::default(),
+            filter: Filter::Ewa,
             outside: Outside::default(),
             encoding: Encoding::default(),
             canvas: None,

@@ -3,8 +3,8 @@ use glam::DVec2;
 use super::*;
 use crate::geometry::Polygon;
 use crate::mapping::plane::Coordinates;
+use crate::picture::{Depth, Pixels};
 use crate::progress::Quiet;
-use crate::raster::{Depth, Pixels};
 
 fn square(x0: f64, y0: f64, x1: f64, y1: f64) -> Vec<DVec2> {
     vec![DVec2::new(x0, y0), DVec2::new(x1, y0), DVec2::new(x1, y1), DVec2::new(x0, y1)]

@@ -4,12 +4,14 @@ use std::ops::Range;
 
 use super::band::BLOCK;
 use super::direct;
-use super::ewa::{Ellipse, average};
-use super::filter::{Filter, LanczosTable};
+use super::ewa::average;
 use super::footprint::{Bounds, FARTHEST, Seen};
-use super::interpolate::{Bilinear, Grid, Interpolation, Lanczos, Places, interpolate};
+use super::interpolate::{Bilinear, Grid, Interpolation, Lanczos, NearestTexel, Places, interpolate};
 use super::pyramid::{Pyramid, Texel, Window};
 use crate::engine::{Lane, Lanes, Sweep};
+use crate::picture::Filter;
+use crate::picture::ellipse::Ellipse;
+use crate::picture::lanczos::LanczosTable;
 
 /// A block of output pixels with their pre-images, row by row.
 #[derive(Clone, Copy, Debug)]
@@ -116,14 +118,16 @@ pub fn warp_image(pyramid: &Pyramid<'_>, filter: Filter, block: &Block<'_>, wind
     match filter {
         Filter::Bilinear => {
             if !direct::bilinear(pyramid, block, &bounds(block, whole), out) {
-                run(pyramid, block, &Nearest { block, filter: Bilinear }, whole, window, out);
+                run(pyramid, block, &Fixed { block, filter: Bilinear }, whole, window, out);
             }
         }
-        Filter::Lanczos => run(pyramid, block, &Nearest { block, filter: lanczos }, whole, window, out),
+        Filter::Nearest => run(pyramid, block, &Fixed { block, filter: NearestTexel }, whole, window, out),
+        Filter::Lanczos => run(pyramid, block, &Fixed { block, filter: lanczos }, whole, window, out),
         Filter::Lanczos4 => {
             let filter = Lanczos(LanczosTable::<8>::get());
-            run(pyramid, block, &Nearest { block, filter }, whole, window, out);
+            run(pyramid, block, &Fixed { block, filter }, whole, window, out);
         }
+        Filter::Anisotropic | Filter::Trilinear => tapped::warp(pyramid, filter, block, whole, window, out),
         Filter::Ewa => {
             let ellipse = |i: usize| {
                 let [dx, dy] = block.seen.derivative(i);
@@ -235,12 +239,12 @@ impl<G: Gather> Sweep<f32> for Apply<'_, G> {
 }
 
 /// A filter of a fixed size at every pixel.
-struct Nearest<'a, I> {
+struct Fixed<'a, I> {
     block: &'a Block<'a>,
     filter: I,
 }
 
-impl<I: for<'t> Interpolation<&'t [Texel]>> Gather for Nearest<'_, I> {
+impl<I: for<'t> Interpolation<&'t [Texel]>> Gather for Fixed<'_, I> {
     fn level(&self) -> u32 {
         0
     }
@@ -367,5 +371,6 @@ impl Gather for Averaged<'_> {
     }
 }
 
+mod tapped;
 #[cfg(test)]
 mod tests;

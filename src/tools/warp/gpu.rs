@@ -8,8 +8,6 @@ use bytemuck::{Pod, Zeroable};
 use rayon::prelude::*;
 
 use super::band::Band;
-use super::ewa::Ellipse;
-use super::filter::Filter;
 use super::footprint::Seen;
 use super::gather::Extent;
 use super::interpolate::{Bilinear, Interpolation, Lanczos};
@@ -17,6 +15,8 @@ use super::pyramid::{Pyramid, Texel, Window};
 use crate::engine::{BindingKind, Gpu, Kernel, Layout};
 use crate::error::Result;
 use crate::kernel_layout as layout;
+use crate::picture::Filter;
+use crate::picture::ellipse::Ellipse;
 
 /// Levels that the kernel knows; a picture of 2^31 pixels a side has as many.
 const MOST_LEVELS: usize = 32;
@@ -112,8 +112,8 @@ pub fn warp_image(
     let kernel = match filter {
         Filter::Bilinear => &BILINEAR,
         Filter::Lanczos => &LANCZOS,
-        Filter::Lanczos4 => return Ok(false),
         Filter::Ewa => &EWA,
+        Filter::Anisotropic | Filter::Trilinear | Filter::Nearest | Filter::Lanczos4 => return Ok(false),
     };
     let budget = u64::from(gpu.capabilities().loop_budget);
     if filter == Filter::Ewa && gpu.capabilities().truncates_loops && budget < ITERATIONS {
@@ -189,7 +189,9 @@ fn extents(pyramid: &Pyramid<'_>, filter: Filter, bases: &[[i32; 2]], preimages:
         let around = |reach: i32| Extent::around(at, [reach; 2]);
         match filter {
             Filter::Bilinear => join(0, around(reach::<Bilinear>())),
-            Filter::Lanczos | Filter::Lanczos4 => join(0, around(reach::<Lanczos<6>>())),
+            Filter::Lanczos => join(0, around(reach::<Lanczos<6>>())),
+            // The kernel has none of these.
+            Filter::Anisotropic | Filter::Trilinear | Filter::Nearest | Filter::Lanczos4 => {}
             Filter::Ewa => {
                 let e = Ellipse::new(p.dx, p.dy, pyramid.levels());
                 if e.share < 1.0 {
@@ -214,18 +216,22 @@ fn extents(pyramid: &Pyramid<'_>, filter: Filter, bases: &[[i32; 2]], preimages:
 /// The constants of the shaders that are these of Rust.
 #[cfg(test)]
 pub(crate) fn twins() -> Vec<crate::twins::Twin> {
-    use super::{ewa, footprint};
-    crate::twins::of(
-        "warp_image",
-        [
-            ("MOST_LEVELS", MOST_LEVELS as f64),
-            ("FARTHEST", footprint::FARTHEST.into()),
-            ("VARIANCE", ewa::VARIANCE.into()),
-            ("MOMENT", ewa::MOMENT.into()),
-            ("FINEST", ewa::FINEST.into()),
-            ("LONGEST", ewa::LONGEST.into()),
-            ("INTERPOLATED", ewa::INTERPOLATED.into()),
-            ("AVERAGED", ewa::AVERAGED.into()),
-        ],
-    )
+    use super::footprint;
+    use crate::picture::ellipse;
+    use crate::twins::of;
+    [
+        of("warp_image", [("MOST_LEVELS", MOST_LEVELS as f64), ("FARTHEST", footprint::FARTHEST.into())]),
+        of(
+            "lib/ellipse",
+            [
+                ("VARIANCE", ellipse::VARIANCE.into()),
+                ("MOMENT", ellipse::MOMENT.into()),
+                ("FINEST", ellipse::FINEST.into()),
+                ("LONGEST", ellipse::LONGEST.into()),
+                ("INTERPOLATED", ellipse::INTERPOLATED.into()),
+                ("AVERAGED", ellipse::AVERAGED.into()),
+            ],
+        ),
+    ]
+    .concat()
 }

@@ -2,10 +2,10 @@
 //! each.
 
 use super::band::BLOCK;
-use super::filter::LanczosTable;
 use super::footprint::{FARTHEST, Seen};
 use super::pyramid::Texel;
 use crate::engine::Lane;
+use crate::picture::lanczos::LanczosTable;
 
 /// Texels in memory, row by row.
 pub(super) trait Texels: Copy {
@@ -94,6 +94,20 @@ pub(super) fn interpolate<L: Lane<E = f32>, T: Copy, I: Interpolation<T>>(
                 *out = filter.color::<L>(cpu, grid, &places, k);
             }
         }
+    }
+}
+
+/// The texel that holds the point.
+pub(super) struct NearestTexel;
+
+impl<T: Texels + Sync> Interpolation<T> for NearestTexel {
+    const REACH: i32 = 1;
+    const WORTH: usize = 12;
+
+    #[inline(always)]
+    fn color<L: Lane<E = f32>>(&self, cpu: L::Cpu, grid: &Grid<T>, places: &Places, k: usize) -> Texel {
+        let [right, below] = [0, 1].map(|axis| usize::from(places.part[axis][k] >= 0.5));
+        grid.texels.pair::<L>(cpu, places.texel(k, grid.stride) + below * grid.stride)[right]
     }
 }
 

@@ -17,8 +17,6 @@ pub mod draw;
 #[doc(hidden)]
 pub mod ewa;
 #[doc(hidden)]
-pub mod filter;
-#[doc(hidden)]
 pub mod footprint;
 pub mod frames;
 #[doc(hidden)]
@@ -39,10 +37,10 @@ mod driver;
 mod interpolate;
 mod sight;
 
+pub use crate::picture::Filter;
 #[doc(hidden)]
 pub use driver::Evaluations;
 pub use driver::{LARGEST_SIDE, WarpOptions, WarpOutput, WarpStats, warp_picture};
-pub use filter::Filter;
 pub use placement::Placement;
 pub use preview::Preview;
 pub use store::Outside;

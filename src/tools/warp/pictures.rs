@@ -7,7 +7,7 @@ use super::placement::Placement;
 use crate::engine::Engine;
 use crate::error::Result;
 use crate::mapping::plane::CompositeMap;
-use crate::raster::Image;
+use crate::picture::Image;
 
 /// Width of the scale beside a picture of the Jacobian, in pixels.
 pub const SCALE_WIDTH: u32 = 72;

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::mapping::plane::{CompositeMap, Lattice, LatticeOptions, Preimages};
-use crate::raster::{Depth, Image, Pixels};
+use crate::picture::{Depth, Image, Pixels};
 
 /// A picture under a map that changes: dragging a vertex of the cage calls [`Preview::drag`] with
 /// each new map.

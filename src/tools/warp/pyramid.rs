@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::engine::{Lane, Lanes, Sweep};
 use crate::error::Result;
-use crate::raster::{Image, Pixels};
+use crate::picture::{Image, Pixels};
 use crate::tools::transfer::color::Sample;
 use crate::tools::transfer::{Alpha, Encoding};
 

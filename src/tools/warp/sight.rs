@@ -6,7 +6,6 @@ use rayon::prelude::*;
 use super::band::{Band, Place};
 use super::cover::pixel_cover;
 use super::driver::{NODES, WarpOptions, WarpStats, Work};
-use super::filter::Filter;
 use super::footprint::{Footprint, Setter};
 use super::store::Outside;
 use crate::engine::{Backend, Engine};
@@ -149,7 +148,7 @@ impl Sight<'_> {
                 None => finished[leaf as usize - leaves.len()],
             }),
         };
-        work.seen.reset(band.len(), o.filter == Filter::Ewa);
+        work.seen.reset(band.len(), o.filter.averages());
         work.jacobian.clear();
         work.jacobian.resize(if o.jacobian { band.len() } else { 0 }, f32::NAN);
         let places = band.places();

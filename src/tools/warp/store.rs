@@ -3,12 +3,12 @@
 use rayon::prelude::*;
 
 use super::band::{BLOCK, Band, Place};
-use super::filter::Filter;
 use super::footprint::Seen;
 use super::gather::{Block, warp_image};
 use super::pyramid::{Pyramid, Texel, Window};
 use crate::engine::{Lane, Lanes, Sweep};
-use crate::raster::{Image, Pixels};
+use crate::picture::Filter;
+use crate::picture::{Image, Pixels};
 use crate::tools::transfer::color::Sample;
 use crate::tools::transfer::{Alpha, Encoding};
 use crate::words::words;

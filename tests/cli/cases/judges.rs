@@ -3,7 +3,7 @@
 use barymap::io::attribute_table::read_colors;
 use barymap::io::read_mesh;
 use barymap::models::shapes::{Diagonal, plane_grid};
-use barymap::raster::Image;
+use barymap::picture::Image;
 use glam::{DMat4, DVec3};
 use serde_json::Value;
 

@@ -11,7 +11,7 @@ fn a_model_far_from_the_origin_keeps_its_vertices_apart() {
         mesh.positions.iter_mut().for_each(|p| *p += offset);
         write_obj(&mesh, f.path("p.obj")).unwrap();
         barymap::io::write_image(
-            &barymap::raster::Image::zeros(8, 8, 3, barymap::raster::Depth::U8).unwrap(),
+            &barymap::picture::Image::zeros(8, 8, 3, barymap::picture::Depth::U8).unwrap(),
             f.path("p.png"),
         )
         .unwrap();
@@ -51,7 +51,7 @@ fn hard_edges_stay_hard_in_a_model() {
     f.write("c.obj", &obj);
     f.write("c.txt", "0 0\n1 1\n2 2\n4 4\n7 7\n");
     barymap::io::write_image(
-        &barymap::raster::Image::zeros(8, 8, 3, barymap::raster::Depth::U8).unwrap(),
+        &barymap::picture::Image::zeros(8, 8, 3, barymap::picture::Depth::U8).unwrap(),
         f.path("c.png"),
     )
     .unwrap();

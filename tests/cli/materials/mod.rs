@@ -11,7 +11,7 @@ mod text;
 mod written;
 
 use barymap::io::{read_image, write_image};
-use barymap::raster::{Image, Pixels};
+use barymap::picture::{Image, Pixels};
 use serde_json::{Value, json};
 
 use crate::support::{Folder, Ran};

@@ -2,12 +2,10 @@
 
 use barymap::Error;
 use barymap::geometry::{Corner, Mesh, MeshBuilder, NONE};
+use barymap::picture::{Image, Pixels};
 use barymap::progress::Quiet;
-use barymap::raster::{Image, Pixels};
 use barymap::surface::{PackedImage, PackedPoint, PointMap, Status};
-use barymap::tools::transfer::{
-    Background, Filter, Layer, TransferOptions, TransferOutput, UvRegion, coverage, transfer,
-};
+use barymap::tools::transfer::{Background, Layer, TransferOptions, TransferOutput, UvRegion, coverage, transfer};
 use glam::{DVec2, DVec3};
 
 use super::whole::{Identity, Planar, bytes, noise, options, run};
@@ -263,7 +261,7 @@ fn images_off_the_source_are_never_coloured() {
 fn every_filter_and_format_runs_on_one_texel() {
     let mesh = grid(3, 0.5, 1);
     for channels in 1..=4 {
-        for filter in [Filter::Anisotropic, Filter::Trilinear, Filter::Bilinear] {
+        for filter in super::FILTERS {
             for supersample in 1..=4 {
                 let image = Image::new(1, 1, channels, Pixels::U8(vec![255; channels as usize])).expect("picture");
                 let out =

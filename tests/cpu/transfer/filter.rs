@@ -1,13 +1,13 @@
 //! How well footprints are averaged, against dense point samples.
 
 use barymap::geometry::Mesh;
-use barymap::raster::{Image, Pixels};
+use barymap::picture::{Image, Pixels};
 use barymap::surface::Status;
 use barymap::tools::transfer::{Background, Filter, TransferOptions, coverage};
 use glam::{DMat2, DVec2};
 
 use super::whole::{Planar, bytes, options, run};
-use super::{grid, soup};
+use super::{FILTERS, grid, soup};
 
 /// A picture of squares of `size` texels with soft values that the mean does not hide.
 fn checker(side: u32, size: u32) -> Image {
@@ -71,10 +71,17 @@ fn footprints_beat_points_on_stretched_and_turned_maps() {
         let bilinear = measure(Filter::Bilinear, 1, function);
         let trilinear = measure(Filter::Trilinear, 1, function);
         let anisotropic = measure(Filter::Anisotropic, 1, function);
+        let ellipse = measure(Filter::Ewa, 1, function);
         let reference = measure(Filter::Anisotropic, 4, function);
         println!(
-            "{name}: bilinear {bilinear:.1}, trilinear {trilinear:.1}, anisotropic {anisotropic:.1}, 4x4 {reference:.1} dB"
+            "{name}: bilinear {bilinear:.1}, trilinear {trilinear:.1}, anisotropic {anisotropic:.1}, ewa {ellipse:.1}, \
+             4x4 {reference:.1} dB"
         );
+        // Where nothing is reduced the truth is what linear interpolation makes of the squares, whose
+        // borders sincs show sharper.
+        let reduced = name != "near 1";
+        assert!(ellipse > if reduced { bilinear + 3.0 } else { 20.0 }, "{name}: {ellipse} against {bilinear} dB");
+        assert!(!reduced || ellipse > trilinear - 0.5, "{name}: {ellipse} against {trilinear} dB");
         assert!(anisotropic > bilinear + 3.0 || anisotropic > 30.0, "{name}: {anisotropic} against {bilinear} dB");
         assert!(anisotropic > trilinear - 0.5, "{name}: {anisotropic} against {trilinear} dB");
         assert!(reference > anisotropic, "{name}: {reference} against {anisotropic} dB");
@@ -159,4 +166,57 @@ fn jumps_of_the_map_do_not_blur() {
     for x in 0..128 {
         assert!(contrast(x) > 150, "column {x}: {}", contrast(x));
     }
+}
+
+/// A result whose texels lie on those of the picture, moved by `shift` texels.
+fn moved(image: &Image, filter: Filter, shift: DVec2) -> Image {
+    let (source, target) = (grid(2, 0.4, 1), grid(4, 0.6, 2));
+    let by = shift / DVec2::new(f64::from(image.width), -f64::from(image.height));
+    let function = move |p: DVec2| (p + by, Status::Valid);
+    let map = Planar { source: &source, target: &target, function };
+    let options =
+        TransferOptions { filter, background: Background::Color([0.0; 4]), ..options(image.width, image.height) };
+    run(&source, image, &target, &map, &options).layers.remove(0)
+}
+
+/// Grey levels of `side` x `side` texels by column and row.
+fn grey(side: u32, value: impl Fn(f64, f64) -> f64) -> Image {
+    let at = |i: u32| value(f64::from(i % side), f64::from(i / side)) as f32;
+    Image::new(side, side, 1, Pixels::F32((0..side * side).map(at).collect())).expect("picture")
+}
+
+#[test]
+fn every_filter_gives_back_what_is_only_moved_by_whole_texels() {
+    let image = grey(32, |x, y| 0.5 + 0.4 * (x * 0.9).sin() * (y * 1.3).cos());
+    for filter in FILTERS {
+        let out = moved(&image, filter, DVec2::ZERO);
+        for i in 0..32 * 32 {
+            // Places of texels are off by the rounding of coordinates; neighbours differ by less
+            // than one.
+            let off = (out.sample(i) - image.sample(i)).abs();
+            assert!(off < 1e-3, "{filter}, sample {i}: {off}");
+        }
+    }
+}
+
+#[test]
+fn between_texels_sincs_are_nearer_to_a_smooth_picture_than_two_texels_and_those_than_one() {
+    let wave = |x: f64, y: f64| 0.5 + 0.4 * (x * 0.7).sin() * (y * 0.6).cos();
+    let image = grey(48, wave);
+    let shift = DVec2::new(0.4, 0.3);
+    let error = |filter: Filter| {
+        let out = moved(&image, filter, shift);
+        let inside = (8..40).flat_map(|y| (8..40).map(move |x| (x, y)));
+        let off = |(x, y): (u32, u32)| {
+            (f64::from(out.get(x, y, 0)) - wave(f64::from(x) + shift.x, f64::from(y) + shift.y)).abs()
+        };
+        inside.map(off).fold(0.0, f64::max)
+    };
+    let [ewa, sharp, sharper, two, one] =
+        [Filter::Ewa, Filter::Lanczos, Filter::Lanczos4, Filter::Bilinear, Filter::Nearest].map(error);
+    println!("nearest {one:.4}, bilinear {two:.4}, lanczos {sharp:.4}, lanczos4 {sharper:.4}, ewa {ewa:.4}");
+    assert!(sharper < sharp && sharp < 0.5 * two && two < 0.5 * one);
+    assert_eq!(ewa, sharp);
+    // The nearest texel of (0.4, 0.3) further is the same one.
+    assert_eq!(moved(&image, Filter::Nearest, shift), moved(&image, Filter::Nearest, DVec2::ZERO));
 }

@@ -4,8 +4,8 @@
 use barymap::geometry::sampling::farthest_points;
 use barymap::geometry::tangent_frames::TangentFrames;
 use barymap::geometry::{Geodesics, Mesh, Topology};
+use barymap::picture::{Depth, Image, Pixels};
 use barymap::progress::Quiet;
-use barymap::raster::{Depth, Image, Pixels};
 use barymap::surface::anchors::vertex_point;
 use barymap::surface::correspondence::{CorrespondenceOptions, Method, Shape, correspondence};
 use barymap::surface::quality::vertex_normals;

@@ -11,4 +11,17 @@ mod real;
 mod seams;
 mod whole;
 
+use barymap::picture::Filter;
+
 use crate::common::flat::{Random, grid, soup};
+
+/// All filters.
+const FILTERS: [Filter; 7] = [
+    Filter::Ewa,
+    Filter::Anisotropic,
+    Filter::Trilinear,
+    Filter::Bilinear,
+    Filter::Nearest,
+    Filter::Lanczos,
+    Filter::Lanczos4,
+];

@@ -1,7 +1,7 @@
 //! `pad_seams` against brute force, mip chains, and what they keep.
 
 use barymap::geometry::NONE;
-use barymap::raster::{Image, Pixels};
+use barymap::picture::{Image, Pixels};
 use barymap::tools::transfer::pad::pad_seams;
 use barymap::tools::transfer::{Alpha, Encoding, mip::MipChain};
 

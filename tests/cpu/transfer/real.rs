@@ -1,7 +1,7 @@
 //! Transfers of real models onto themselves.
 
 use barymap::io::{read_image, read_mesh};
-use barymap::raster::{Image, Pixels};
+use barymap::picture::{Image, Pixels};
 use barymap::tools::transfer::{Background, TransferOptions, coverage};
 
 use super::atlas::{rasterize, whole};

@@ -2,8 +2,8 @@
 
 use barymap::geometry::NONE;
 use barymap::models::{ModelPair, character_pair};
+use barymap::picture::{Image, Pixels};
 use barymap::progress::Quiet;
-use barymap::raster::{Image, Pixels};
 use barymap::surface::{PackedImage, PackedPoint, PointMap, Status};
 use barymap::tools::transfer::pad::pad_seams;
 use barymap::tools::transfer::{Layer, UvRegion, seam_steps, transfer};

@@ -2,8 +2,8 @@
 
 use barymap::Error;
 use barymap::geometry::Mesh;
+use barymap::picture::{Image, Pixels};
 use barymap::progress::Quiet;
-use barymap::raster::{Image, Pixels};
 use barymap::surface::{PointMap, Status};
 use barymap::tools::transfer::{Background, Layer, TransferOptions, TransferOutput, coverage, memory_needed, transfer};
 use glam::DVec2;

@@ -15,7 +15,7 @@ use super::seams::SeamPair;
 use crate::control;
 use crate::error::Result;
 use crate::geometry::NONE;
-use crate::raster::{Image, Pixels};
+use crate::picture::{Image, Pixels};
 use crate::words::words;
 
 use graph::Graph;

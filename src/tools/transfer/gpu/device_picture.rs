@@ -2,7 +2,7 @@
 
 use crate::engine::{Gpu, Pyramid, Table, Word};
 use crate::error::Result;
-use crate::raster::{Depth, Image, Pixels};
+use crate::picture::{Depth, Image, Pixels};
 use crate::tools::transfer::color::light_values;
 use crate::tools::transfer::mip::MipChain;
 

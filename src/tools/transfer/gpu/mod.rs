@@ -95,9 +95,9 @@ pub(crate) fn twins() -> Vec<crate::twins::Twin> {
     use super::coverage::{DOUBTFUL, PADDING, VALID};
     use super::footprint::{AGREE, JUMP};
     use super::pad::COVERED;
-    use super::sample::{FAR, LARGEST_FOOTPRINT, SLACK};
     use super::{exact, tally as sums};
     use crate::geometry::Wrap;
+    use crate::picture::taps::{FAR, LARGEST_FOOTPRINT, SLACK};
     use crate::twins::of;
     [
         of(

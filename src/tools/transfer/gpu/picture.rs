@@ -13,7 +13,7 @@ use super::store_texel::{Background, Format, Store, StoreTo, step_table};
 use super::tally::by_four;
 use crate::engine::{Batch, BindGroup, Buffer, Gpu, Staging, Submission, Table};
 use crate::error::Result;
-use crate::raster::Image;
+use crate::picture::Image;
 use crate::tools::transfer::TransferOptions;
 use crate::tools::transfer::mip::MipChain;
 

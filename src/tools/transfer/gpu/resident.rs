@@ -20,7 +20,7 @@ use super::tally::DeviceTally;
 use super::window::Rows;
 use crate::engine::{Buffer, Gpu, Staging, Submission, Table};
 use crate::error::{Error, Result};
-use crate::raster::Image;
+use crate::picture::Image;
 use crate::surface::{Doubts, MapStage, ResidentMap};
 use crate::surface::{PackedImage, PackedPoint};
 use crate::tools::stopwatch::Stopwatch;

@@ -13,10 +13,11 @@ use crate::engine::{
 use crate::error::Result;
 use crate::geometry::{NONE, Wrap};
 use crate::kernel_layout as layout;
-use crate::raster::{Depth, Image};
+use crate::picture::Filter;
+use crate::picture::{Depth, Image};
 use crate::tools::transfer::footprint::Footprint;
 use crate::tools::transfer::mip::{Alpha, MipChain};
-use crate::tools::transfer::sample::{Filter, SampleParams, sample_texture, widen};
+use crate::tools::transfer::sample::{SampleParams, sample_texture, widen};
 
 /// Parameters of the kernel; twin of the struct in `shaders/sample_texture.wgsl`.
 #[repr(C)]
@@ -36,13 +37,32 @@ pub struct TextureParams {
     unused: u32,
 }
 
-/// The number of a filter in [`TextureParams`].
+/// The number of a filter in [`TextureParams`], of those that take boxes of the chain.
 pub(super) fn filtering(filter: Filter) -> u32 {
     match filter {
-        Filter::Anisotropic => 0,
         Filter::Trilinear => 1,
         Filter::Bilinear => 2,
+        Filter::Anisotropic | Filter::Ewa | Filter::Nearest | Filter::Lanczos | Filter::Lanczos4 => 0,
     }
+}
+
+/// The number of the variant of the kernel that has a filter.
+fn weights(filter: Filter) -> usize {
+    match filter {
+        Filter::Anisotropic | Filter::Trilinear | Filter::Bilinear => 0,
+        Filter::Nearest => 1,
+        Filter::Lanczos => 2,
+        Filter::Lanczos4 => 3,
+        Filter::Ewa => 4,
+    }
+}
+
+/// Iterations of an invocation at most: an ellipse of 150 rows of 150 texels.
+const ITERATIONS: u32 = 150 * 150;
+
+/// Whether the loops of `filter` end on `gpu` where they should.
+pub(super) fn runs(gpu: &Gpu, filter: Filter) -> bool {
+    filter != Filter::Ewa || !gpu.capabilities().truncates_loops || gpu.capabilities().loop_budget >= ITERATIONS
 }
 
 /// A footprint as the kernel reads it: two vectors of four.
@@ -61,15 +81,25 @@ const LAYOUTS: &[Layout] = &[layout!(TextureParams, {
     width, height, levels, channels, filtering, taps, opacity, scale, wrap_u, wrap_v, texture, unused
 })];
 
-/// Pictures of numbers.
-pub(super) static SAMPLE_TEXTURE: Kernel = variant(&[("WORDS", 0.0), ("MODES", 0.0)]);
-/// Pictures of numbers, of sRGB numbers averaged as light, and of floats; repeating, and with any
-/// mode.
-static VARIANTS: [[Kernel; 2]; 3] = [
-    [variant(&[("WORDS", 0.0), ("MODES", 0.0)]), variant(&[("WORDS", 0.0), ("MODES", 1.0)])],
-    [variant(&[("WORDS", 1.0), ("MODES", 0.0)]), variant(&[("WORDS", 1.0), ("MODES", 1.0)])],
-    [variant(&[("WORDS", 2.0), ("MODES", 0.0)]), variant(&[("WORDS", 2.0), ("MODES", 1.0)])],
-];
+/// Pictures of numbers, which repeat, by boxes of the chain.
+pub(super) static SAMPLE_TEXTURE: Kernel = variant(&[("WORDS", 0.0), ("MODES", 0.0), ("WEIGHTS", 0.0)]);
+
+/// The kernels of pictures of numbers, of sRGB numbers averaged as light, and of floats; repeating,
+/// and with any mode.
+macro_rules! variants {
+    ($weights:literal) => {
+        [variants!($weights, 0.0), variants!($weights, 1.0), variants!($weights, 2.0)]
+    };
+    ($weights:literal, $words:literal) => {
+        [
+            variant(&[("WORDS", $words), ("MODES", 0.0), ("WEIGHTS", $weights)]),
+            variant(&[("WORDS", $words), ("MODES", 1.0), ("WEIGHTS", $weights)]),
+        ]
+    };
+}
+/// By [`weights`].
+static VARIANTS: [[[Kernel; 2]; 3]; 5] =
+    [variants!(0.0), variants!(1.0), variants!(2.0), variants!(3.0), variants!(4.0)];
 
 const fn variant(constants: &'static [(&'static str, f64)]) -> Kernel {
     Kernel {
@@ -140,7 +170,7 @@ impl Texture {
             Depth::U16 => (usize::from(chain.encoding.linear_light), 1.0 / 65535.0),
             Depth::F32 => (2, 1.0),
         };
-        let kernel = &VARIANTS[words][usize::from(chain.wrap != [Wrap::Repeat; 2])];
+        let kernel = &VARIANTS[weights(filter)][words][usize::from(chain.wrap != [Wrap::Repeat; 2])];
         let params = TextureParams {
             width: image.width,
             height: image.height,

@@ -7,7 +7,7 @@ use super::pad_seams::{PAD_COLUMNS, PAD_SEAMS, Padder};
 use super::rasterize_atlas::{RASTERIZE_ATLAS, Rasterizer};
 use super::resident::{Resident, Work};
 use super::runs::LIST_POINTS;
-use super::sample_texture::{DeviceTexture, SAMPLE_TEXTURE, Sampler};
+use super::sample_texture::{DeviceTexture, SAMPLE_TEXTURE, Sampler, runs};
 use super::store_texel::{FILL_BACKGROUND, Format, STORE_TEXEL};
 use super::tally::TALLY;
 use crate::engine::{Engine, Gpu, Kernel};
@@ -52,7 +52,8 @@ impl<'a> Stages<'a> {
         let mut sample = engine.gpu_for(SAMPLE_TEXTURE.name);
         if let Some(gpu) = sample {
             let why = layers.iter().flat_map(|l| &l.images).find_map(|i| DeviceTexture::obstacle(gpu, i));
-            if let Some(why) = why {
+            let ends = || format!("loops of filter {} may not end on this device", options.filter);
+            if let Some(why) = why.or_else(|| (!runs(gpu, options.filter)).then(ends)) {
                 notes.push(format!("textures are sampled on the CPU: {why}"));
                 sample = None;
             }

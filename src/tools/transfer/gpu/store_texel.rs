@@ -16,7 +16,7 @@ use super::sample_texture::mode;
 use crate::engine::{Batch, BindGroup, BindingKind, Buffer, Gpu, Kernel, Layout, Pipeline, Table, UniformBlocks};
 use crate::error::Result;
 use crate::kernel_layout as layout;
-use crate::raster::{Depth, Image, Pixels};
+use crate::picture::{Depth, Image, Pixels};
 use crate::tools::transfer::color::Sample;
 use crate::tools::transfer::mip::{Alpha, MipChain};
 

@@ -7,8 +7,8 @@ use glam::{DMat3, DVec2, DVec3};
 
 use super::*;
 use crate::models::shapes::{Diagonal, plane_grid, torus};
+use crate::picture::{Image, Pixels};
 use crate::progress::Quiet;
-use crate::raster::{Image, Pixels};
 use crate::surface::{PackedImage, PackedPoint};
 use crate::tools::transfer::atlas::{AtlasTexel, Tile, rasterize_atlas};
 use crate::tools::transfer::bins::{Atlas, Bins};

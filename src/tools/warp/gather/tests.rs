@@ -1,8 +1,8 @@
-use super::super::ewa::VARIANCE;
-use super::super::filter::tests::exact_weights;
 use super::super::footprint::{Footprint, Footprints};
 use super::*;
-use crate::raster::{Image, Pixels};
+use crate::picture::ellipse::VARIANCE;
+use crate::picture::lanczos::tests::exact_weights;
+use crate::picture::{Image, Pixels};
 use crate::tools::transfer::{Alpha, Encoding};
 
 /// Pre-images of a block under `p = a q + b`.
@@ -38,7 +38,15 @@ fn picture(width: u32, height: u32, f: impl Fn(f64, f64) -> f64) -> Image {
     Image::new(width, height, 1, Pixels::F32(samples)).unwrap()
 }
 
-const FILTERS: [Filter; 4] = [Filter::Ewa, Filter::Bilinear, Filter::Lanczos, Filter::Lanczos4];
+const FILTERS: [Filter; 7] = [
+    Filter::Ewa,
+    Filter::Anisotropic,
+    Filter::Trilinear,
+    Filter::Bilinear,
+    Filter::Nearest,
+    Filter::Lanczos,
+    Filter::Lanczos4,
+];
 
 #[test]
 fn the_identity_keeps_every_sample() {
@@ -284,7 +292,7 @@ fn samples_read_directly_are_those_of_windows() {
         let block = Block { width: 8, base, seen: footprints.seen() };
         let (mut out, whole) = (vec![[0.0; 4]; 64], Part { x: 0, y: 0, width: 8, height: 8 });
         assert!(direct::bilinear(&pyramid, &block, &bounds(&block, whole), &mut out.clone()));
-        run(&pyramid, &block, &Nearest { block: &block, filter: Bilinear }, whole, &mut Window::default(), &mut out);
+        run(&pyramid, &block, &Fixed { block: &block, filter: Bilinear }, whole, &mut Window::default(), &mut out);
         assert_eq!(out, direct);
     }
 }

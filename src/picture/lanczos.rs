@@ -1,34 +1,8 @@
-//! Filters that interpolate: what a picture is between its pixels.
-//!
-//! Their names and weights; [`gather`](super::gather) applies them, as the kernel `warp_image`
-//! does.
+//! Weights of windowed sincs: what a picture is between its pixels.
 
 use std::sync::LazyLock;
 
 use crate::engine::Lane;
-use crate::words::words;
-
-/// How colours are taken from the picture at a pre-image.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Filter {
-    /// Averages over the ellipse that the output pixel sees, as the map's Jacobian tells; Lanczos-3
-    /// where that is no larger than a pixel. No aliasing.
-    #[default]
-    Ewa,
-    /// The four nearest pixels: fast; aliases where the picture is reduced.
-    Bilinear,
-    /// 6 x 6 pixels, windowed sinc with three lobes: sharp; aliases where the picture is reduced.
-    Lanczos,
-    /// The same with four lobes, 8 x 8 pixels.
-    Lanczos4,
-}
-
-words! { Filter, "filter", "a filter":
-    Ewa => "ewa",
-    Bilinear => "bilinear",
-    Lanczos => "lanczos",
-    Lanczos4 => "lanczos4",
-}
 
 /// [`lanczos_weights`] at 512 places, between which they are interpolated: within 2e-6.
 #[derive(Debug)]
@@ -63,7 +37,7 @@ impl<const TAPS: usize> LanczosTable<TAPS> {
 
     /// `TAPS` weights, and zeros.
     #[inline(always)]
-    pub(super) fn weights<L: Lane<E = f32>>(&self, cpu: L::Cpu, f: f32) -> [f32; 8] {
+    pub(crate) fn weights<L: Lane<E = f32>>(&self, cpu: L::Cpu, f: f32) -> [f32; 8] {
         let at = f * PLACES as f32;
         // Below 512 as f is below 1; said to the compiler by the minimum.
         let i = (at as i32 as usize).min(PLACES - 1);
@@ -135,11 +109,11 @@ fn cosine_pi(x: f32) -> f32 {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+pub(crate) mod tests {
     use super::*;
 
     /// The definition, in double precision.
-    pub(in super::super) fn exact_weights<const TAPS: usize>(f: f64) -> [f64; TAPS] {
+    pub(crate) fn exact_weights<const TAPS: usize>(f: f64) -> [f64; TAPS] {
         let lobes = (TAPS / 2) as f64;
         let sinc = |x: f64| if x == 0.0 { 1.0 } else { (std::f64::consts::PI * x).sin() / (std::f64::consts::PI * x) };
         let w: [f64; TAPS] = std::array::from_fn(|k| {

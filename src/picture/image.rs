@@ -2,21 +2,6 @@
 
 use crate::error::{Error, Result};
 
-/// Light from an sRGB value (IEC 61966-2-1); values outside 0..1 follow the same curves, mirrored
-/// at 0.
-#[doc(hidden)]
-pub fn srgb_to_linear(x: f32) -> f32 {
-    let a = x.abs();
-    (if a <= 0.04045 { a / 12.92 } else { ((a + 0.055) / 1.055).powf(2.4) }).copysign(x)
-}
-
-/// The sRGB value of light, the inverse of [`srgb_to_linear`].
-#[doc(hidden)]
-pub fn linear_to_srgb(x: f32) -> f32 {
-    let a = x.abs();
-    (if a <= 0.003_130_8 { a * 12.92 } else { 1.055 * a.powf(1.0 / 2.4) - 0.055 }).copysign(x)
-}
-
 /// Samples of a picture in the depth they came in.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Pixels {
@@ -120,6 +105,35 @@ impl Image {
     pub fn zeros(width: u32, height: u32, channels: u32, depth: Depth) -> Result<Self> {
         let count = Self { width, height, channels, pixels: Pixels::U8(Vec::new()) }.sample_count("image")?;
         Ok(Self { width, height, channels, pixels: Pixels::zeros(depth, count) })
+    }
+
+    /// An 8-bit RGBA picture by the colour of each column and row.
+    ///
+    /// # Errors
+    /// If a side is 0 or the size cannot be addressed.
+    pub fn from_fn(width: u32, height: u32, color: impl Fn(u32, u32) -> [u8; 4]) -> Result<Self> {
+        let mut image = Self::zeros(width, height, 4, Depth::U8)?;
+        if let Pixels::U8(samples) = &mut image.pixels {
+            let places = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+            for (pixel, (x, y)) in samples.chunks_exact_mut(4).zip(places) {
+                pixel.copy_from_slice(&color(x, y));
+            }
+        }
+        Ok(image)
+    }
+
+    /// The pixel in column `x` and row `y` as 8-bit RGBA; grey is repeated, a missing alpha is full.
+    ///
+    /// # Panics
+    /// If there is no such pixel.
+    pub fn pixel(&self, x: u32, y: u32) -> [u8; 4] {
+        let first = self.index(x, y, 0);
+        let sample = |c: u32| match &self.pixels {
+            Pixels::U8(v) => v[first + c as usize],
+            _ => (self.sample(first + c as usize).clamp(0.0, 1.0) * 255.0).round() as u8,
+        };
+        let [r, g, b] = if self.channels < 3 { [0; 3] } else { [0, 1, 2] }.map(sample);
+        [r, g, b, if self.has_alpha() { sample(self.channels - 1) } else { 255 }]
     }
 
     /// Depth of the samples.
@@ -257,6 +271,21 @@ mod tests {
         assert!(Image::new(0, 3, 4, Pixels::U8(vec![])).is_err());
         assert!(Image::new(2, 3, 5, Pixels::U8(vec![0; 30])).is_err());
         assert!(Image::zeros(u32::MAX, u32::MAX, 4, Depth::F32).is_err());
+    }
+
+    #[test]
+    fn pixels_are_those_of_the_converted_picture() {
+        let value = |i: u16| i * 4001;
+        for channels in 1..=4 {
+            let samples = (0..6 * channels as u16).map(value).collect();
+            let image = Image::new(3, 2, channels, Pixels::U16(samples)).unwrap();
+            let Pixels::U8(all) = image.converted(4, Depth::U8).unwrap().pixels else { panic!("not 8-bit") };
+            let same = Image::from_fn(3, 2, |x, y| image.pixel(x, y)).unwrap();
+            assert_eq!(same.pixels, Pixels::U8(all), "{channels}");
+        }
+        let first = Image::from_fn(2, 2, |x, y| [x as u8, y as u8, 7, 9]).unwrap();
+        assert_eq!(first.pixel(1, 0), [1, 0, 7, 9]);
+        assert_eq!(Image::from_fn(1, 1, |_, _| [0, 0, 0, 255]).unwrap().pixel(0, 0), [0, 0, 0, 255]);
     }
 
     #[test]
