@@ -66,6 +66,7 @@ pub use path::vertex_path;
 pub use path::{PathKind, VertexPath};
 #[doc(hidden)]
 pub use preimage::Preimages;
+pub(crate) use preimage::fill_window;
 #[doc(hidden)]
 pub use step::Branch;
 pub use step::{Coordinates, Evaluation, Step, coordinates};

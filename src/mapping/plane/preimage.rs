@@ -30,37 +30,44 @@ impl Preimages {
     /// Linear in each triangle. Where triangles overlap, as they do where a map folds, the later
     /// one is taken. O(pixels + triangles), parallel over rows.
     pub fn of(lattice: &Lattice, origin: DVec2, size: UVec2) -> Self {
-        let (width, height) = (size.x as usize, size.y as usize);
-        let mut bands = vec![Vec::new(); height.div_ceil(BAND)];
-        for (i, t) in lattice.triangles.iter().enumerate() {
-            let y = t.map(|v| lattice.images[v as usize].y - origin.y - 0.5);
-            let (low, high) = (y[0].min(y[1]).min(y[2]) - SLACK, y[0].max(y[1]).max(y[2]) + SLACK);
-            // Casts saturate, and turn NaN into 0; fill() looks again.
-            let (first, last) = (low.ceil().max(0.0) as usize, high.floor());
-            if last >= 0.0 && first < height {
-                let last = (last as usize).min(height - 1);
-                bands[first / BAND..=last / BAND].iter_mut().for_each(|b| b.push(i as u32));
-            }
-        }
-        let mut points = vec![[0.0; 2]; width * height];
-        let mut covered = vec![false; width * height];
-        let rows = BAND * width.max(1);
-        points.par_chunks_mut(rows).zip(covered.par_chunks_mut(rows)).zip(bands).enumerate().for_each(
-            |(band, ((points, covered), triangles))| {
-                for i in triangles {
-                    let t = lattice.triangles[i as usize];
-                    let corner = DVec2::new(0.5, 0.5 + (band * BAND) as f64) + origin;
-                    let image = t.map(|v| lattice.images[v as usize] - corner);
-                    let source = t.map(|v| lattice.points[v as usize]);
-                    fill(image, source, width, points.len(), |i, here| {
-                        points[i] = here.as_vec2().to_array();
-                        covered[i] = true;
-                    });
-                }
-            },
-        );
-        Self { size, points, covered }
+        let mut found = vec![None; size.x as usize * size.y as usize];
+        fill_window(lattice, origin, size, &mut found, |p| Some(p.as_vec2().to_array()));
+        let covered = found.iter().map(Option::is_some).collect();
+        Self { size, points: found.into_iter().map(Option::unwrap_or_default).collect(), covered }
     }
+}
+
+/// Sets each pixel of the window of [`Preimages::of`] that a triangle of the lattice covers to the
+/// value of its pre-image; `out` has `size.x * size.y` pixels.
+pub(crate) fn fill_window<T: Send>(
+    lattice: &Lattice,
+    origin: DVec2,
+    size: UVec2,
+    out: &mut [T],
+    value: impl Fn(DVec2) -> T + Sync,
+) {
+    let (width, height) = (size.x as usize, size.y as usize);
+    let mut bands = vec![Vec::new(); height.div_ceil(BAND)];
+    for (i, t) in lattice.triangles.iter().enumerate() {
+        let y = t.map(|v| lattice.images[v as usize].y - origin.y - 0.5);
+        let (low, high) = (y[0].min(y[1]).min(y[2]) - SLACK, y[0].max(y[1]).max(y[2]) + SLACK);
+        // Casts saturate, and turn NaN into 0; fill() looks again.
+        let (first, last) = (low.ceil().max(0.0) as usize, high.floor());
+        if last >= 0.0 && first < height {
+            let last = (last as usize).min(height - 1);
+            bands[first / BAND..=last / BAND].iter_mut().for_each(|b| b.push(i as u32));
+        }
+    }
+    let rows = BAND * width.max(1);
+    out.par_chunks_mut(rows).zip(bands).enumerate().for_each(|(band, (out, triangles))| {
+        for i in triangles {
+            let t = lattice.triangles[i as usize];
+            let corner = DVec2::new(0.5, 0.5 + (band * BAND) as f64) + origin;
+            let image = t.map(|v| lattice.images[v as usize] - corner);
+            let source = t.map(|v| lattice.points[v as usize]);
+            fill(image, source, width, out.len(), |i, here| out[i] = value(here));
+        }
+    });
 }
 
 /// The pixels of some rows inside one triangle, `count` in all; its images are relative to the

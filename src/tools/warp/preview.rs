@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::engine::Engine;
 use crate::error::{Error, Result};
-use crate::mapping::plane::{CompositeMap, Lattice, LatticeOptions, Preimages};
+use crate::mapping::plane::{CompositeMap, Lattice, LatticeOptions, Preimages, fill_window};
 use crate::picture::{Depth, Image, Pixels};
 
 /// A picture under a map that changes: dragging a vertex of the cage calls [`Preview::drag`] with
@@ -13,8 +13,8 @@ use crate::picture::{Depth, Image, Pixels};
 ///
 /// The map is evaluated at the nodes of a [`Lattice`] over the picture, finer near the vertices of
 /// the cage, and interpolated between them: what a pixel shows comes from a point whose exact image
-/// is within 0.1 pixels of it. Colours are interpolated bilinearly in 8 bits; where the map
-/// shrinks, the full warp filters better. Pixels that no point of the picture comes to are
+/// is within 0.1 pixels of it. Colours are interpolated bilinearly in 8 bits, between places a 256th
+/// of a pixel apart: within two levels. Where the map shrinks, the full warp filters better. Pixels that no point of the picture comes to are
 /// transparent.
 #[derive(Clone, Debug)]
 pub struct Preview {
@@ -23,11 +23,6 @@ pub struct Preview {
     size: UVec2,
     canvas: UVec2,
     lattice: Lattice,
-}
-
-/// Channels of a texel, 0 to 255.
-fn channels(texel: u32) -> [f32; 4] {
-    texel.to_le_bytes().map(f32::from)
 }
 
 impl Preview {
@@ -99,46 +94,55 @@ impl Preview {
     /// # Errors
     /// None once the preview is made.
     pub fn frame(&self) -> Result<Image> {
-        let preimages = self.preimages();
+        let mut pixels = vec![[0; 4]; self.canvas.x as usize * self.canvas.y as usize];
+        fill_window(&self.lattice, DVec2::ZERO, self.canvas, &mut pixels, |p| self.color(p));
+        Image::new(self.canvas.x, self.canvas.y, 4, Pixels::U8(pixels.into_flattened()))
+    }
+
+    /// The colour at a point of the picture, between texels a 256th apart.
+    #[inline(always)]
+    fn color(&self, p: DVec2) -> [u8; 4] {
+        // The centre of texel (0, 0) of the bordered picture is at (-1/2, -1/2).
+        let size = self.size.as_dvec2();
+        let fixed = |v: f64, size: f64| (((v + 0.5).clamp(0.0, size + 1.0) * 256.0 + 0.5) as u32);
+        let (x, y) = (fixed(p.x, size.x).min(256 * self.size.x + 255), fixed(p.y, size.y).min(256 * self.size.y + 255));
         let stride = self.size.x as usize + 2;
-        let last = self.size.as_vec2() + 0.5;
-        let mut samples = vec![0_u8; 4 * preimages.points.len()];
-        let row = self.canvas.x as usize;
-        let pixels = samples.par_chunks_mut(4 * row).zip(preimages.points.par_chunks(row));
-        pixels.zip(preimages.covered.par_chunks(row)).for_each(|((out, points), covered)| {
-            for ((out, p), covered) in out.chunks_exact_mut(4).zip(points).zip(covered) {
-                if *covered {
-                    // The centre of texel (0, 0) of the bordered picture is at (-1/2, -1/2). Casts
-                    // cut off what is below zero.
-                    let (x, y) = (p[0].clamp(-0.5, last.x) + 0.5, p[1].clamp(-0.5, last.y) + 0.5);
-                    let (column, line) = ((x as usize).min(stride - 2), (y as usize).min(self.size.y as usize));
-                    let at = line * stride + column;
-                    let quad = [at, at + 1, at + stride, at + stride + 1].map(|i| self.texels[i]);
-                    out.copy_from_slice(&blend(quad, x - column as f32, y - line as f32));
-                }
-            }
-        });
-        Image::new(self.canvas.x, self.canvas.y, 4, Pixels::U8(samples))
+        let at = (y >> 8) as usize * stride + (x >> 8) as usize;
+        let row = |at: usize| between(spread(self.texels[at]), spread(self.texels[at + 1]), x & 255);
+        straight(between(row(at), row(at + stride), y & 255))
     }
 }
 
-/// Bilinear mean of four texels multiplied by alpha, as straight colour.
+/// The channels of a texel in lanes of 16 bits.
 #[inline(always)]
-fn blend(quad: [u32; 4], x: f32, y: f32) -> [u8; 4] {
-    let [a, b, c, d] = quad.map(channels);
-    let mean: [f32; 4] = std::array::from_fn(|i| {
-        let (upper, lower) = (a[i] + (b[i] - a[i]) * x, c[i] + (d[i] - c[i]) * x);
-        upper + (lower - upper) * y
-    });
-    // Casts round down and saturate.
-    if mean[3] >= 254.5 {
-        mean.map(|v| (v + 0.5) as u8)
-    } else if mean[3] > 0.0 {
-        let up = 255.0 / mean[3];
-        [0, 1, 2, 3].map(|i| if i == 3 { (mean[3] + 0.5) as u8 } else { (mean[i] * up + 0.5) as u8 })
-    } else {
-        [0; 4]
+fn spread(texel: u32) -> u64 {
+    let t = u64::from(texel);
+    let t = (t | t << 16) & 0x0000_ffff_0000_ffff;
+    (t | t << 8) & LANES
+}
+
+/// What of every lane a channel takes.
+const LANES: u64 = 0x00ff_00ff_00ff_00ff;
+
+/// The rounded mean of two texels in lanes, with the weight `w`, of 256, on the second. No lane
+/// overflows: 255 * 256 + 128 is below 2^16.
+#[inline(always)]
+fn between(a: u64, b: u64, w: u32) -> u64 {
+    const HALF: u64 = 0x0080_0080_0080_0080;
+    ((a * u64::from(256 - w) + b * u64::from(w) + HALF) >> 8) & LANES
+}
+
+/// Straight colour of one in lanes that is multiplied by its alpha.
+#[inline(always)]
+fn straight(lanes: u64) -> [u8; 4] {
+    let [r, g, b, a] = [0, 16, 32, 48].map(|k| (lanes >> k) as u8);
+    if a == 255 {
+        return [r, g, b, a];
     }
+    // Casts round down and saturate; 0 / 0 gives 0.
+    let up = 255.0 / f32::from(a);
+    let [r, g, b] = [r, g, b].map(|c| (f32::from(c) * up + 0.5) as u8);
+    [r, g, b, a]
 }
 
 #[cfg(test)]
@@ -212,6 +216,21 @@ mod tests {
         let frame = Preview::new(&Engine::cpu(), &image, &map, UVec2::new(4, 4)).unwrap().frame().unwrap();
         // Half of a red and half of a transparent texel: red with half the alpha.
         assert_eq!([0, 1, 2, 3].map(|c| frame.get(2, 0, c)), [1.0, 0.0, 0.0, 128.0 / 255.0]);
+    }
+
+    #[test]
+    fn lanes_are_means_of_channels() {
+        let (a, b) = ([0, 255, 7, 200], [255, 0, 9, 255]);
+        for w in 0..256 {
+            let lanes = between(spread(u32::from_le_bytes(a)), spread(u32::from_le_bytes(b)), w);
+            for c in 0..4 {
+                let exact = f64::from(a[c]) + (f64::from(b[c]) - f64::from(a[c])) * f64::from(w) / 256.0;
+                let found = f64::from((lanes >> (16 * c)) as u16);
+                assert!((found - exact).abs() <= 0.5, "{w} {c}: {found} {exact}");
+            }
+        }
+        assert_eq!(straight(spread(u32::from_le_bytes([64, 128, 0, 128]))), [128, 255, 0, 128]);
+        assert_eq!(straight(0), [0; 4]);
     }
 
     #[test]
