@@ -1,4 +1,4 @@
-//! Ending long work before its end.
+//! Ending long work before its end, and keeping it from taking too much memory.
 //!
 //! Work that runs inside [`Control::run`] ends with [`Error::Cancelled`] soon after
 //! [`Control::cancel`] was called, from any thread. The loops of this library look at the control
@@ -29,6 +29,8 @@ pub struct Control {
 
 #[derive(Debug, Default)]
 struct State {
+    /// Bytes that one piece of work may ask for; no limit if not given.
+    memory: Option<u64>,
     cancelled: AtomicBool,
     /// How often the work has looked here.
     checks: AtomicU64,
@@ -45,6 +47,13 @@ impl Control {
     /// Of work that was not cancelled.
     pub fn new() -> Self {
         Self::default()
+    }
+
+    /// Of work whose pieces are refused, before they begin, if one of them would take more than
+    /// `bytes`: a dense system of equations, the polygons of a partition, the meshes of a file. The
+    /// error is [`Error::Memory`] with the number that was asked for.
+    pub fn with_memory(bytes: u64) -> Self {
+        Self { state: Arc::new(State { memory: Some(bytes), ..State::default() }) }
     }
 
     /// Ends the work that runs under this control, and all that will.
@@ -125,6 +134,19 @@ pub(crate) fn current() -> Current {
     Current(HERE.with(|here| here.borrow().clone()))
 }
 
+/// Fails if `what`, which is to take `required` bytes, takes more than the control of this thread
+/// allows.
+///
+/// # Errors
+/// [`Error::Memory`].
+pub(crate) fn require(required: u64, what: impl FnOnce() -> String) -> Result<()> {
+    let allowed = HERE.with(|here| here.borrow().as_ref().and_then(|control| control.state.memory));
+    match allowed {
+        Some(allowed) if required > allowed => Err(Error::Memory { what: what(), required, allowed }),
+        _ => Ok(()),
+    }
+}
+
 /// Ends work that was cancelled: loops whose passes take long call this in each.
 ///
 /// # Errors
@@ -158,6 +180,18 @@ mod tests {
         assert_eq!(count(&control), (0, false));
         assert!(control.is_cancelled() && control.clone().is_cancelled());
         assert!(check().is_ok(), "nothing stays behind on the thread");
+    }
+
+    #[test]
+    fn what_takes_too_much_is_refused_where_there_is_a_limit() {
+        let ask = |bytes: u64| require(bytes, || "a system".into());
+        assert!(ask(u64::MAX).is_ok());
+        assert!(Control::new().run(|| ask(u64::MAX)).is_ok());
+        let control = Control::with_memory(1000);
+        assert!(control.run(|| ask(1000)).is_ok());
+        let refused = control.run(|| ask(1001)).unwrap_err();
+        assert!(matches!(refused, Error::Memory { required: 1001, allowed: 1000, .. }), "{refused}");
+        assert!(ask(1001).is_ok());
     }
 
     #[test]

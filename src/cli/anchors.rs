@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use crate::Result;
 use crate::cli::common::{Common, EmbeddingArguments, Session, Surface, anchor_pairs, check_outputs, usage};
+use crate::cli::verdict::Verdict;
 use crate::geometry::SurfacePoint;
 use crate::io::anchors::PairRemark;
 use crate::surface::AnchorPairs;
 use crate::tools::anchors::{AnchorOptions, Outlier, Proposal, Suggestion, contradicted, propose, suggest};
 use crate::tools::render::{Coloring, RenderOptions, render, side_by_side};
+use crate::{Error, Result};
 
 /// Most places suggested at once.
 const MOST_SUGGESTED: usize = 1000;
@@ -43,6 +44,12 @@ pub(crate) struct Arguments {
     /// Print the N places of the target where a pair made by hand would help most
     #[arg(long, value_name = "N", default_value_t = 0)]
     suggest: usize,
+    /// Write pairs though all of them are doubtful
+    #[arg(long)]
+    force: bool,
+    /// End with exit code 3 if the pairs are not usable
+    #[arg(long)]
+    strict: bool,
     /// A picture of both meshes with the pairs, or with the suggested places and where the map
     /// sends them
     #[arg(long)]
@@ -106,8 +113,11 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     if let Some(p) = &proposal {
         say_proposal(&session, p);
     }
-    if let Some(path) = &arguments.output {
-        let remarks = remarks(proposal.as_ref(), &pairs, &outliers, arguments.drop_outliers);
+    let remarks = remarks(proposal.as_ref(), &pairs, &outliers, arguments.drop_outliers);
+    let doubtful = remarks.iter().filter(|r| r.flagged.is_some()).count();
+    // Pairs none of which can be trusted are worse than none.
+    let withheld = doubtful > 0 && doubtful == pairs.len() && !arguments.force;
+    if let Some(path) = arguments.output.as_ref().filter(|_| !withheld) {
         crate::io::anchors::write_pairs(path, (&source.mesh, &pairs.source), (&target.mesh, &pairs.target), &remarks)?;
         session.say(&format!("{}: {} pairs", path.display(), pairs.len()));
     }
@@ -133,7 +143,20 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     }
     let mut report = session.report("anchors");
     fill(&mut report, proposal.as_ref(), &outliers, &dropped, &suggestions, &source);
-    session.write_report(&report)
+    let mut verdict = Verdict::default();
+    let share = doubtful as f64 / pairs.len().max(1) as f64;
+    verdict.share(share, 0.0, 0.5, "of the pairs are doubtful (--picture shows them)");
+    if pairs.is_empty() {
+        verdict.unusable.push("there are no pairs".to_owned());
+    }
+    report["verdict"] = verdict.describe();
+    session.write_report(&report)?;
+    let remedy = "Give some pairs by hand with --anchors, eight or more, where limbs and faces are told apart";
+    if withheld && arguments.output.is_some() {
+        let what = format!("all {doubtful} pairs are doubtful, and no file is written");
+        return Err(Error::unusable(what, format!("{remedy}; --force writes them")));
+    }
+    verdict.tell(&session, arguments.strict, remedy)
 }
 
 fn without(pairs: &AnchorPairs, dropped: &[usize]) -> AnchorPairs {

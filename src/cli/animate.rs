@@ -11,6 +11,7 @@ use crate::Result;
 use crate::cli::common::{Common, Session, Surface, check_outputs, usage};
 use crate::cli::model_file::{warn_of_loss, write_animation};
 use crate::cli::shard::{Part, Shard, part, shard};
+use crate::cli::verdict::Verdict;
 use crate::encoding::{Quality, SequenceQuality};
 use crate::geometry::Mesh;
 use crate::io::{GlbAnimation, MorphForm, Motion, read_markers, read_motion};
@@ -76,6 +77,9 @@ pub(crate) struct Arguments {
     /// frame
     #[arg(long)]
     tolerance: Option<f64>,
+    /// End with exit code 3 if the result is not usable
+    #[arg(long)]
+    strict: bool,
     /// A picture of twelve frames
     #[arg(long)]
     sheet: Option<PathBuf>,
@@ -129,6 +133,9 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     }
     if !(arguments.stiffness >= 0.0) || !arguments.stiffness.is_finite() {
         return Err(usage("--stiffness", &format!("{}", arguments.stiffness), "Give a number from 0"));
+    }
+    if let Some(tolerance) = arguments.tolerance.filter(|t| !(0.0..f64::INFINITY).contains(t)) {
+        return Err(usage("--tolerance", &format!("{tolerance}"), "Give a distance, or 0 to store every frame"));
     }
     let mut session = Session::start_on_cpu(common)?;
     let whole = read_motion(&arguments.motion)?;
@@ -254,7 +261,15 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     ] {
         document[key] = value;
     }
-    session.write_report(&document)
+    let mut verdict = Verdict::default();
+    verdict.share(binding.rms() / size, 0.03, 0.15, "of the mesh's diagonal lie between markers and vertices (rms)");
+    let anew = report.found_anew.len() as f64 / count as f64;
+    verdict.share(anew, 0.0, 0.5, "of the frames do not follow from the one before");
+    document["verdict"] = verdict.describe();
+    session.write_report(&document)?;
+    let remedy =
+        "Name the vertices of the markers with --markers, and the frame that has the mesh's pose with --reference";
+    verdict.tell(&session, arguments.strict, remedy)
 }
 
 /// By the file, or by shape alone.

@@ -244,9 +244,10 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     session.watch.lap("write");
     let count = |s: VertexStatus| result.count(s);
     let d = result.map.distortion;
+    let written: Vec<String> = arguments.output.iter().map(|o| o.display().to_string()).collect();
     session.say(&format!(
         "{}: {} vertices by {}: {} valid, {} filled, {} doubtful, {} without anything; by {}",
-        arguments.output[0].display(),
+        written.join(", "),
         result.status.len(),
         method.name(),
         count(VertexStatus::Valid),

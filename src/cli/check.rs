@@ -53,12 +53,17 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         100.0 * found.covered_fraction
     ));
     if !found.proposals.is_empty() {
-        let names: Vec<String> = found.proposals.iter().map(u32::to_string).collect();
-        session.say(&format!("add anchors near the vertices {}", names.join(", ")));
+        session.say("add anchors near these vertices:");
+        for &v in &found.proposals {
+            let p = surface.mesh.positions[v as usize];
+            session.say(&format!("  {v} at ({:.4}, {:.4}, {:.4})", p.x, p.y, p.z));
+        }
     }
     let mut report = session.report("check");
     report["covered_fraction"] = json!(found.covered_fraction);
     report["proposals"] = json!(found.proposals);
+    let positions = found.proposals.iter().map(|&v| surface.mesh.positions[v as usize].to_array());
+    report["positions"] = json!(positions.collect::<Vec<_>>());
     report["anchors"] = json!(anchors.len());
     session.write_report(&report)
 }

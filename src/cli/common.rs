@@ -2,6 +2,7 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 use crate::conformance::kernels;
 
@@ -12,7 +13,7 @@ use crate::geometry::up_axis::stands_along_z;
 use crate::geometry::{Mesh, SurfacePoint, UpAxis, Weld};
 use crate::io::anchors::AnchorList;
 use crate::io::cache::Cache;
-use crate::io::{LoadedMesh, ReadOptions};
+use crate::io::{Companions, LoadedMesh, ReadOptions, Taken, write_obj_with};
 use crate::progress::Progress;
 use crate::surface::Sampling;
 use crate::surface::{AnchorPairs, EmbeddingOptions};
@@ -21,10 +22,14 @@ use crate::{Error, Result};
 use clap::Args;
 use serde_json::{Value, json};
 
+use crate::cli::machine::Machine;
 use crate::cli::progress_bar::Bars;
+use crate::cli::streams::stdout_taken;
+use crate::cli::told::Told;
 
 /// Options of every command.
 #[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Options of every command")]
 pub(crate) struct Common {
     /// Where the work is done: auto takes a hardware adapter, else the CPU; gpu takes a software
     /// adapter too; reference is double precision
@@ -50,6 +55,18 @@ pub(crate) struct Common {
     /// Neither read nor write cached embeddings and hierarchies
     #[arg(long, global = true)]
     pub(crate) no_cache: bool,
+    /// Threads that work in parallel, at most four for each core; as many as there are cores if not
+    /// given. Results do not depend on it
+    #[arg(long, global = true, value_name = "N")]
+    pub(crate) threads: Option<usize>,
+    /// Read files that other files name (material libraries, textures, buffers, meshes of a list)
+    /// only from the folder of the file that names them and from folders below it
+    #[arg(long, global = true)]
+    pub(crate) confine: bool,
+    /// Overwrite what is read, and files that have the names of companions of an output (material
+    /// libraries, textures)
+    #[arg(long, global = true)]
+    pub(crate) overwrite: bool,
     /// Say nothing but errors
     #[arg(long, short, global = true)]
     pub(crate) quiet: bool,
@@ -103,11 +120,14 @@ fn weld(text: &str) -> std::result::Result<Weld, String> {
     }
 }
 
-/// A line on stdout. Where nobody reads it any more (`barymap ... | head -1`), the work goes on
+/// A line on stdout, or on stderr where stdout holds a result. Where nobody reads it any more (`barymap ... | head -1`), the work goes on
 /// without it.
 pub(crate) fn line(text: &str) {
     // There is nobody to tell that nobody listens.
-    let _ = writeln!(std::io::stdout(), "{text}");
+    let _ = match stdout_taken() {
+        true => writeln!(std::io::stderr(), "{text}"),
+        false => writeln!(std::io::stdout(), "{text}"),
+    };
 }
 
 /// A note on stderr, as [`line`].
@@ -129,6 +149,15 @@ pub(crate) struct Session<'a> {
     /// mapped any.
     pub(crate) handed_back: Option<u64>,
     cache: Cache,
+    told: Mutex<Told>,
+}
+
+impl Drop for Session<'_> {
+    fn drop(&mut self) {
+        if !self.common.quiet {
+            self.told.lock().unwrap_or_else(PoisonError::into_inner).rest().for_each(|text| note(&text));
+        }
+    }
 }
 
 impl<'a> Session<'a> {
@@ -150,8 +179,10 @@ impl<'a> Session<'a> {
                 format!("Give one of {}", known.join(", ")),
             ));
         }
+        // A driver that gets no threads or addresses ends the process.
+        let auto_on_cpu = backend == Backend::Auto && !Machine::here().is_roomy();
         let engine = Engine::new(EngineOptions {
-            backend,
+            backend: if auto_on_cpu { Backend::Cpu } else { backend },
             adapter: common.adapter.clone(),
             cpu_stages: common.host.clone(),
             ..EngineOptions::default()
@@ -165,6 +196,7 @@ impl<'a> Session<'a> {
             alignment: None,
             handed_back: None,
             cache: if common.no_cache { Cache::disabled() } else { Cache::from_environment() },
+            told: Mutex::default(),
         };
         if let Some(note) = session.engine.note() {
             session.warn(note);
@@ -180,7 +212,7 @@ impl<'a> Session<'a> {
     /// A line on stderr, unless quiet.
     pub(crate) fn warn(&self, text: &str) {
         self.bars.finish();
-        if !self.common.quiet {
+        if !self.common.quiet && self.told.lock().unwrap_or_else(PoisonError::into_inner).is_new(text) {
             note(text);
         }
     }
@@ -344,6 +376,27 @@ impl<'a> Session<'a> {
             Some(path) => crate::io::report::write_report(path, report),
             // What is told would be wrong as well.
             None => crate::io::report::check_report(Path::new("the summary"), report),
+        }
+    }
+
+    /// Writes a mesh as OBJ and tells of the files beside it.
+    pub(crate) fn write_obj(&self, mesh: &Mesh, path: &Path) -> Result<()> {
+        let taken = if self.common.overwrite { Taken::Overwritten } else { Taken::Stays };
+        self.tell_companions(path, &write_obj_with(mesh, path, taken)?);
+        Ok(())
+    }
+
+    /// Tells of the files beside an output.
+    pub(crate) fn tell_companions(&self, path: &Path, companions: &Companions) {
+        for file in &companions.written {
+            let taken = companions.renamed.iter().find(|(_, new)| new == file);
+            let why = taken.map_or_else(String::new, |(old, _)| {
+                format!("; {} is another file and stays (--overwrite takes its name)", old.display())
+            });
+            self.say(&format!("{}: written beside {}{why}", file.display(), path.display()));
+        }
+        for file in &companions.referred {
+            self.say(&format!("{}: unchanged, {} refers to it", file.display(), path.display()));
         }
     }
 

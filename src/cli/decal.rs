@@ -8,10 +8,10 @@ use serde_json::json;
 use crate::cli::common::{Common, Session, Surface, check_outputs, size, usage};
 use crate::cli::pictures::Quality;
 use crate::geometry::Placement;
+use crate::io::AnchorSpec;
 use crate::io::decal_anchors::read_decal_anchors;
 use crate::io::finite;
 use crate::io::image_file::{Metadata, Picture, check_image_extension};
-use crate::io::{AnchorSpec, write_obj};
 use crate::picture::Image;
 use crate::tools::decal::{Decal, DecalAnchors, Layout, PaintOptions, composite, decal, paint_placed, with_texcoords};
 use crate::tools::transfer::{Filter, LARGEST_SIDE};
@@ -154,7 +154,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
             finite::picture(&arguments.output, &image, finite)?;
             session.write_picture(&image, &metadata, &arguments.output)?;
         }
-        _ => write_obj(&with_texcoords(&surface.mesh, &made, arguments.patch), &arguments.output)?,
+        _ => session.write_obj(&with_texcoords(&surface.mesh, &made, arguments.patch), &arguments.output)?,
     }
     session.watch.lap("write");
     tell(&session, arguments, &made, texels);

@@ -9,17 +9,18 @@ use crate::Result;
 use crate::cli::common::{Common, Session, check_outputs, usage};
 use crate::cli::model_file::{ModelFormat, New, write_model};
 use crate::encoding::{HierarchyOptions, Quality};
-use crate::io::{check_handles, read_handles, read_vertex_list};
+use crate::io::{check_handles, read_handles_on, read_vertices_on};
 use crate::tools::deform::{Deformer, Handles};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
     /// The mesh: OBJ, PLY, OFF, glTF or GLB
     mesh: PathBuf,
-    /// Handles: JSON {"handles": [{"vertex": i, "position": [x, y, z]}, ...]}
+    /// Handles: JSON {"handles": [{"vertex": i, "position": [x, y, z]}, ...]}, or in place of the
+    /// vertex "at": [x, y, z], or "face" and "barycentric"
     #[arg(long)]
     handles: PathBuf,
-    /// Vertices that may move, one index a line; all others are held
+    /// Vertices that may move, one index a line, or a JSON list of places; all others are held
     #[arg(long)]
     roi: Option<PathBuf>,
     /// How far the minimisation goes
@@ -60,9 +61,9 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         return Err(usage("--stiffness", "the value is out of range", "Give a number from 0 to 1000000"));
     }
     let mut session = Session::start(common)?;
-    let handles = read_handles(&arguments.handles)?;
-    let region = arguments.roi.as_ref().map(read_vertex_list).transpose()?;
     let surface = session.mesh(&arguments.mesh)?;
+    let handles = read_handles_on(&arguments.handles, &surface.mesh)?;
+    let region = arguments.roi.as_ref().map(|path| read_vertices_on(path, &surface.mesh)).transpose()?;
     check_handles(&arguments.handles, &surface.mesh, &handles)?;
     let (vertices, positions): (Vec<u32>, Vec<_>) = handles.into_iter().unzip();
     let wanted = Handles { vertices, region };

@@ -22,7 +22,7 @@ use crate::{Error, Result};
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
     /// Folder for the results
-    #[arg(long, default_value = "out")]
+    #[arg(long = "output", short = 'o', alias = "out", default_value = "out")]
     out: PathBuf,
     /// Number of anchor pairs
     #[arg(long, default_value_t = 93)]
@@ -36,7 +36,7 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     std::fs::create_dir_all(&arguments.out)
-        .map_err(|e| Error::io(&arguments.out, e, "Choose a folder that can be written with --out"))?;
+        .map_err(|e| Error::io(&arguments.out, e, "Choose a folder that can be written with --output"))?;
     let path = |name: &str| arguments.out.join(name);
     let mut session = Session::start(common)?;
     let pair = character_pair();
@@ -99,8 +99,8 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         base_color_texture: Some(path("source_texture.png")),
         ..Material::default()
     });
-    crate::io::write_obj(&painted, path("source.obj"))?;
-    crate::io::write_obj(&target.mesh, path("target.obj"))?;
+    session.write_obj(&painted, &path("source.obj"))?;
+    session.write_obj(&target.mesh, &path("target.obj"))?;
     crate::io::anchors::write_pairs(
         path("pairs.json"),
         (&source.mesh, &anchors.source),

@@ -14,12 +14,15 @@ mod deform;
 mod demo;
 mod devices;
 mod embed;
+mod examples;
 mod interrupt;
 mod layer_kinds;
+mod machine;
 mod map;
 mod method;
 mod model_file;
 mod morph;
+mod named;
 mod pictures;
 mod progress_bar;
 mod remesh;
@@ -28,8 +31,11 @@ mod rig;
 mod shard;
 mod shell;
 mod spline;
+mod streams;
+mod told;
 mod transfer;
 mod unwrap;
+mod verdict;
 mod warp;
 mod warp_points;
 mod weights;
@@ -38,10 +44,13 @@ use std::ffi::OsString;
 use std::io::Write;
 use std::process::ExitCode;
 
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
+use crate::control::Control;
 use crate::{Error, Result};
 use common::Common;
+use machine::Machine;
+use streams::Streams;
 
 /// Maps one shape onto another from a handful of control points.
 #[derive(Debug, Parser)]
@@ -154,9 +163,12 @@ fn as_option(error: Error) -> Error {
     let Error::Option { option, what, remedy } = error else { return error };
     let name = option.replace('_', "-");
     let command = Cli::command();
-    let has = |c: &clap::Command| c.get_arguments().any(|a| a.get_long() == Some(name.as_str()));
-    let known = has(&command) || command.get_subcommands().any(has);
-    Error::Option { option: if known { format!("--{name}") } else { option }, what, remedy }
+    let all = || command.get_arguments().chain(command.get_subcommands().flat_map(|c| c.get_arguments()));
+    let known = all().find(|a| a.get_long() == Some(name.as_str()));
+    // Fields that kept a name which the option had once.
+    let known = known.or_else(|| all().find(|a| a.get_all_aliases().unwrap_or_default().contains(&name.as_str())));
+    let option = known.and_then(clap::Arg::get_long).map_or(option, |long| format!("--{long}"));
+    Error::Option { option, what, remedy }
 }
 
 /// Runs the command line `arguments`, the first of which is the name of the program, as its `main`
@@ -169,20 +181,51 @@ pub fn run<T: Into<OsString> + Clone>(arguments: impl IntoIterator<Item = T>) ->
     if let Err(error) = interrupt::handle_signals() {
         common::note(&format!("interrupts are not handled: {error}"));
     }
-    let cli = match Cli::try_parse_from(arguments) {
-        Ok(cli) => cli,
-        Err(error) => {
-            // As common::note: a closed stream changes nothing.
-            let _ = error.print();
-            return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2));
-        }
-    };
-    match command(&cli) {
-        Ok(()) => ExitCode::SUCCESS,
+    match given(arguments.into_iter().map(Into::into).collect()) {
+        Ok(code) => code,
         Err(error) => {
             let error = as_option(error);
             let _ = writeln!(std::io::stderr(), "barymap: {error}");
             ExitCode::from(code(&error))
         }
     }
+}
+
+/// Does what a command line says, within what the machine and the user allow.
+fn carry_out(cli: &mut Cli) -> Result<()> {
+    let (machine, notes) = Machine::prepare(cli.common.threads)?;
+    notes.iter().filter(|_| !cli.common.quiet).for_each(|text| common::note(text));
+    cli.common.memory = cli.common.memory.min(machine.addresses.unwrap_or(u64::MAX));
+    let work = || Control::with_memory(cli.common.memory).run(|| command(cli));
+    if cli.common.confine { crate::io::confined(work) } else { work() }
+}
+
+/// The program as a parser, with its examples.
+fn program() -> clap::Command {
+    examples::with_examples(Cli::command())
+}
+
+/// Parses a command line and does what it says.
+fn given(arguments: Vec<OsString>) -> Result<ExitCode> {
+    let (arguments, streams) = Streams::redirect(arguments)?;
+    let mut program = program();
+    let parsed =
+        program.try_get_matches_from_mut(arguments).and_then(|matches| Ok((Cli::from_arg_matches(&matches)?, matches)));
+    let (mut cli, matches) = match parsed {
+        Ok(parsed) => parsed,
+        Err(error) => {
+            // As common::note: a closed stream changes nothing.
+            let _ = error.print();
+            return Ok(ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2)));
+        }
+    };
+    let folders = named::check(&program, &matches, cli.common.overwrite)?;
+    let done = carry_out(&mut cli);
+    if done.is_err() {
+        // A folder that something was written to stays.
+        folders.iter().for_each(|folder| drop(std::fs::remove_dir(folder)));
+    }
+    done?;
+    streams.finish()?;
+    Ok(ExitCode::SUCCESS)
 }

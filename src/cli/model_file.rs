@@ -69,7 +69,7 @@ pub(crate) fn write_model(
         warn_of_loss(session, scene, path);
     }
     match (format, scene) {
-        (ModelFormat::Obj, _) => io::write_obj(mesh, path),
+        (ModelFormat::Obj, _) => session.write_obj(mesh, path),
         (ModelFormat::Ply, _) => {
             let byte = |c: f32| (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
             let colors: Vec<[u8; 3]> = mesh.colors.iter().map(|c| [c[0], c[1], c[2]].map(byte)).collect();

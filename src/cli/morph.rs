@@ -12,7 +12,7 @@ use crate::cli::model_file::{ModelFormat, New, warn_of_loss, write_animation, wr
 use crate::encoding::{DecodeReport, HierarchyOptions, MarchQuality};
 use crate::geometry::Mesh;
 use crate::geometry::weld::weld_alike;
-use crate::io::{GlbAnimation, GltfScene, MorphForm, read_mask, read_vertex_list};
+use crate::io::{GlbAnimation, GltfScene, MorphForm, read_mask, read_vertices_on};
 use crate::surface::AnchorPairs;
 use crate::tools::animate::frames::{FrameFolder, FrameFormat};
 use crate::tools::cage::pose;
@@ -92,7 +92,7 @@ impl QualityName {
 }
 
 /// Most frames of one run.
-const MOST: usize = 100_000;
+const MOST: usize = 10_000;
 /// Frames without a number given.
 const FRAMES: usize = 11;
 
@@ -107,7 +107,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let single = arguments.weights.is_some() || (arguments.mask.is_some() && arguments.frames.is_none());
     let count = if single { 1 } else { arguments.frames.unwrap_or(FRAMES) };
     if !(1..=MOST).contains(&count) {
-        return Err(usage("--frames", "the number is out of range", "Give a number from 1 to 100000"));
+        return Err(usage("--frames", "the number is out of range", "Give a number from 1 to 10000"));
     }
     if !(arguments.seconds > 0.0) || !arguments.seconds.is_finite() {
         return Err(usage("--seconds", &format!("{}", arguments.seconds), "Give a positive number"));
@@ -133,7 +133,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         brought.push(describe(&report));
     }
     if let (Some(path), Some(last)) = (&arguments.compatible, surfaces.last()) {
-        write_mesh(&last.mesh, path)?;
+        write_mesh(&session, &last.mesh, path)?;
     }
     let scene = surfaces.first().and_then(|s| s.scene.clone());
     if !glb {
@@ -143,7 +143,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     if arguments.pairs.is_empty() {
         weld_alike(&mut meshes, common.weld)?;
     }
-    let anchors = arguments.anchors.as_ref().map(read_vertex_list).transpose()?;
+    let anchors = arguments.anchors.as_ref().map(|path| read_vertices_on(path, &meshes[0])).transpose()?;
     let borrowed: Vec<&Mesh> = meshes.iter().collect();
     let mut morpher = Morpher::new(&borrowed, anchors.as_deref(), &HierarchyOptions::default())?;
     for warning in &morpher.warnings {
@@ -151,6 +151,9 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     }
     let mask =
         arguments.mask.as_ref().map(|path| read_mask(path, meshes[0].vertex_count(), meshes.len())).transpose()?;
+    if glb {
+        check_frames(&session, count, meshes[0].vertex_count())?;
+    }
     session.watch.lap("prepare");
     // Normals of an in-between would be wrong: readers make their own.
     let mut mesh = without_normals(&meshes[0]);
@@ -182,7 +185,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
             Target::Glb(frames) => frames.push(positions),
             Target::File(path) => {
                 mesh.positions = positions;
-                write_mesh(&mesh, path)?;
+                write_mesh(&session, &mesh, path)?;
             }
         }
         session.progress().advance(1);
@@ -227,11 +230,23 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     session.write_report(&report)
 }
 
-fn write_mesh(mesh: &Mesh, path: &Path) -> Result<()> {
+/// Fails if the frames of a GLB, which are in memory together, take more than is allowed.
+fn check_frames(session: &Session<'_>, count: usize, vertices: usize) -> Result<()> {
+    // A position as it is computed, and as the file has it.
+    let bytes = (size_of::<DVec3>() + size_of::<[f32; 3]>()) as u64;
+    let required = bytes.saturating_mul(count as u64).saturating_mul(vertices as u64);
+    if required > session.common.memory {
+        let what = format!("{count} frames of {vertices} vertices in a GLB");
+        return Err(Error::Memory { what, required, allowed: session.common.memory });
+    }
+    Ok(())
+}
+
+fn write_mesh(session: &Session<'_>, mesh: &Mesh, path: &Path) -> Result<()> {
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("ply")) {
         crate::io::write_ply(mesh, None, path)
     } else {
-        crate::io::write_obj(mesh, path)
+        session.write_obj(mesh, path)
     }
 }
 

@@ -91,7 +91,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     if ply {
         crate::io::write_ply(&mesh, None, &arguments.output)?;
     } else {
-        crate::io::write_obj(&mesh, &arguments.output)?;
+        session.write_obj(&mesh, &arguments.output)?;
     }
     session.watch.lap("write");
     let found = remesher.report();

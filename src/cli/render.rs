@@ -1,9 +1,12 @@
 //! `barymap render`: a shaded picture of a mesh.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+use clap::ValueEnum;
 
 use crate::cli::common::{Common, Session, check_outputs, size};
 use crate::desk::{Textures, own_textures};
+use crate::io::anchors::{AnchorList, read_pairs, read_single};
 use crate::tools::render::{Coloring, PlacedTexture, RenderOptions, render};
 use crate::{Error, Result};
 
@@ -14,9 +17,12 @@ pub(crate) struct Arguments {
     /// Its texture; without it the textures of its materials are taken
     #[arg(long)]
     texture: Option<PathBuf>,
-    /// Anchors to draw, as a file for this one mesh
+    /// Anchors to draw: those of this mesh, or pairs of which --side is drawn
     #[arg(long)]
     anchors: Option<PathBuf>,
+    /// Which mesh of pairs of anchors this is: the source if not given
+    #[arg(long, value_enum, requires = "anchors")]
+    side: Option<Side>,
     /// Write each anchor's number beside it
     #[arg(long)]
     numbers: bool,
@@ -26,12 +32,30 @@ pub(crate) struct Arguments {
     /// Size of the picture: one number, or WIDTHxHEIGHT
     #[arg(long, default_value = "800", value_parser = size)]
     size: (u32, u32),
-    /// Draw the triangles' edges
+    /// Draw the edges of the polygons
     #[arg(long)]
     wireframe: bool,
     /// The picture: PNG, JPEG, TIFF or EXR
     #[arg(long, short)]
     output: PathBuf,
+}
+
+/// A mesh of a pair.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Side {
+    Source,
+    Target,
+}
+
+/// The anchors of a file for one mesh, or of one side of pairs.
+fn anchors_of(path: &Path, side: Option<Side>) -> Result<AnchorList> {
+    if side.is_none()
+        && let Ok(single) = read_single(path)
+    {
+        return Ok(single);
+    }
+    let pairs = read_pairs(&path.to_string_lossy())?;
+    Ok(if side == Some(Side::Target) { pairs.target } else { pairs.source })
 }
 
 pub(crate) fn view(text: &str) -> std::result::Result<(f64, f64), String> {
@@ -47,7 +71,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let surface = session.mesh(&arguments.mesh)?;
     session.warn_of_up(&surface.mesh);
     let anchors = match &arguments.anchors {
-        Some(path) => session.find(&surface, &crate::io::anchors::read_single(path)?)?,
+        Some(path) => session.find(&surface, &anchors_of(path, arguments.side)?)?,
         None => Vec::new(),
     };
     let single = arguments.texture.as_ref().map(|p| Ok(session.texture(p)?.image)).transpose()?;

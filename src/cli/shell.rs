@@ -3,10 +3,10 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use clap::{Args, CommandFactory};
+use clap::Args;
 use clap_complete::Shell;
 
-use crate::cli::Cli;
+use crate::cli::program;
 use crate::io::output::write_bytes;
 use crate::{Error, Result};
 
@@ -20,14 +20,14 @@ pub(crate) struct CompletionArguments {
 #[derive(Debug, Args)]
 pub(crate) struct ManualArguments {
     /// Folder for the pages: barymap.1, barymap-transfer.1 and so on
-    #[arg(long, default_value = "man")]
+    #[arg(long = "output", short = 'o', alias = "out", default_value = "man")]
     out: PathBuf,
 }
 
 /// Writes the completions to stdout.
 pub(crate) fn completions(arguments: &CompletionArguments) -> Result<()> {
     let mut text = Vec::new();
-    clap_complete::generate(arguments.shell, &mut Cli::command(), "barymap", &mut text);
+    clap_complete::generate(arguments.shell, &mut program(), "barymap", &mut text);
     // Nobody is left to tell where the pipe is closed.
     let _ = std::io::stdout().write_all(&text);
     Ok(())
@@ -37,7 +37,7 @@ pub(crate) fn completions(arguments: &CompletionArguments) -> Result<()> {
 pub(crate) fn manual(arguments: &ManualArguments) -> Result<()> {
     let folder = &arguments.out;
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e, "Choose a folder that can be written"))?;
-    let mut program = Cli::command();
+    let mut program = program();
     program.build();
     for command in std::iter::once(&program).chain(program.get_subcommands()) {
         // Of a built command: `barymap-transfer`.

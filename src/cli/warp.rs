@@ -1,5 +1,7 @@
 //! `barymap warp`: a picture bent by a cage.
 
+mod look;
+
 use std::path::PathBuf;
 
 use serde_json::{Value, json};
@@ -10,8 +12,7 @@ use crate::cli::pictures::Quality;
 use crate::cli::shard::{Part, Shard, part, shard};
 use crate::io::cage::CageUnits;
 use crate::io::finite;
-use crate::io::image_file::{Metadata, Picture, write_picture};
-use crate::io::output_set::OutputSet;
+use crate::io::image_file::{Metadata, Picture};
 use crate::mapping::plane::{CompositeMap, Coordinates, jacobian_min};
 use crate::picture::Image;
 use crate::tools::transfer::Encoding;
@@ -19,6 +20,7 @@ use crate::tools::warp::frames::{cut, times};
 use crate::tools::warp::pictures::{heat_map, lattice_picture, overlay};
 use crate::tools::warp::{Filter, Outside, Placement, WarpOptions, WarpOutput, warp_picture};
 use crate::{Error, Result};
+use look::{Look, Sink, animation, check_animation};
 
 /// Most frames of a sequence.
 const MOST_FRAMES: u32 = 100_000;
@@ -45,7 +47,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_enum, default_value = "map")]
     outside: Outside,
     /// Size of the result: WIDTHxHEIGHT, or one number for a square; the picture's own if not given
-    #[arg(long, value_parser = size)]
+    #[arg(long = "size", alias = "canvas", value_parser = size)]
     canvas: Option<(u32, u32)>,
     /// Write a sequence from source to target instead: OUTPUT_0000.png and so on, which appear
     /// together at the end
@@ -71,28 +73,39 @@ pub(crate) struct Arguments {
     /// Average light instead of stored values
     #[arg(long)]
     linear_light: bool,
+    #[command(flatten)]
+    look: Look,
 }
 
 pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
+    arguments.look.check(arguments.outside)?;
+    check_animation(arguments)?;
     let chosen = chosen(arguments)?;
-    let outputs: Vec<PathBuf> = chosen.iter().map(|(_, output)| output.clone()).collect();
+    // An animation is one file, whatever its frames are called.
+    let animated = animation(arguments).is_some();
+    let outputs: Vec<PathBuf> = chosen.iter().filter(|_| !animated).map(|(_, output)| output.clone()).collect();
     let more = [&arguments.heatmap, &arguments.grid, &arguments.overlay];
     let pictures = || outputs.iter().chain(more.iter().copied().flatten()).map(PathBuf::as_path);
     pictures().try_for_each(crate::io::image_file::check_image_extension)?;
     arguments.quality.check(pictures())?;
     // One of a sequence stands for all: they are in the same folder.
+    check_outputs(animated.then_some(arguments.output.as_path()))?;
     check_outputs(outputs.iter().take(1).chain(more.into_iter().flatten()).map(PathBuf::as_path))?;
     let mut session = Session::start(common)?;
-    let Picture { image, mut metadata, .. } = session.picture(&arguments.image)?;
-    arguments.quality.apply(&mut metadata);
+    let mut picture = session.picture(&arguments.image)?;
+    arguments.quality.apply(&mut picture.metadata);
+    if arguments.look.projective {
+        return look::projective(&mut session, arguments, picture);
+    }
+    let Picture { image, metadata, .. } = picture;
     let (made, units) = CageMap::new(&mut session, &arguments.mapping)?;
     made.refuse_folds(&session, "warp")?;
-    let options = options(&session, arguments, &image, units.unwrap_or(CageUnits::Pixel));
+    let options = options(&session, arguments, &image, units.unwrap_or(CageUnits::Pixel))?;
     // The frames of a whole sequence appear together, when the last one is done; those of a part
     // one by one.
     let whole = arguments.range.is_none() && arguments.shard.is_none();
     let first = outputs.first().filter(|_| arguments.frames.is_some() && whole);
-    let mut sequence = first.map(OutputSet::beside).transpose()?;
+    let mut sink = Sink::new(arguments, first.map(PathBuf::as_path))?;
     let frames = Frames::new(&session, &made, chosen)?;
     let (mut stats, mut seconds) = (Vec::new(), 0.0);
     let mut last: Option<WarpOutput> = None;
@@ -102,15 +115,13 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         let started = std::time::Instant::now();
         let jacobian = arguments.heatmap.is_some() && k + 1 == frames.list.len();
         let options = WarpOptions { jacobian, ..options.clone() };
-        let warped = warp_picture(&session.engine, &image, &frame.map, &options, session.progress())?;
+        let mut warped = warp_picture(&session.engine, &image, &frame.map, &options, session.progress())?;
+        let loops = options.target.loops(frame.map.target());
+        warped.image = arguments.look.feathered(&session, &image, warped.image, &loops, &options)?;
         seconds += started.elapsed().as_secs_f64();
         session.watch.lap("warp");
         finite::picture(&frame.output, &warped.image, finite::is_finite(&image))?;
-        let place = match &mut sequence {
-            Some(sequence) => sequence.file(&frame.output)?,
-            None => frame.output.clone(),
-        };
-        let notes = write_picture(&warped.image, &metadata, place)?;
+        let notes = sink.put(&warped.image, &metadata, &frame.output)?;
         if told.is_none() {
             session.warn_of(&notes, &frame.output);
         }
@@ -119,10 +130,8 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         stats.push(warped.stats.clone());
         last = Some(warped);
     }
-    if let Some(sequence) = sequence {
-        sequence.finish()?;
-        session.watch.lap("write");
-    }
+    session.warn_of(&sink.finish(&metadata)?, &arguments.output);
+    session.watch.lap("write");
     if let Some(k) = told.filter(|k| k + 1 < frames.list.len()) {
         session.warn(&format!("the {} frames after this one may lose as much", frames.list.len() - k - 1));
     }
@@ -162,12 +171,26 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     session.write_report(&report)?;
     session.say(&format!(
         "{}: {} x {}, {}",
-        arguments.output.display(),
+        if animated {
+            format!("{} ({} frames)", arguments.output.display(), frames.list.len())
+        } else {
+            written(&frames.list)
+        },
         last.image.width,
         last.image.height,
         made.summary(&session.engine)
     ));
     Ok(())
+}
+
+/// The names of what was written.
+fn written(frames: &[Frame]) -> String {
+    match frames {
+        [first, .., last] => {
+            format!("{} to {} ({} files)", first.output.display(), last.output.display(), frames.len())
+        }
+        _ => frames.iter().map(|f| f.output.display().to_string()).collect(),
+    }
 }
 
 /// The pictures that are written, with their times: one, or one for each frame that was asked for.
@@ -195,8 +218,8 @@ fn chosen(arguments: &Arguments) -> Result<Vec<(f64, PathBuf)>> {
     Ok(frames)
 }
 
-fn options(session: &Session<'_>, arguments: &Arguments, image: &Image, units: CageUnits) -> WarpOptions {
-    let canvas = arguments.canvas.map(|(w, h)| [w, h]);
+fn options(session: &Session<'_>, arguments: &Arguments, image: &Image, units: CageUnits) -> Result<WarpOptions> {
+    let full = arguments.canvas.map_or([image.width, image.height], |(w, h)| [w, h]);
     let placement = |height: u32| match units {
         CageUnits::Pixel => Placement::pixels(),
         CageUnits::Unit => Placement::upward(image.height, height),
@@ -206,16 +229,17 @@ fn options(session: &Session<'_>, arguments: &Arguments, image: &Image, units: C
         session.warn("Wachspress coordinates end at the polygon: what is outside is transparent");
         outside = Outside::Transparent;
     }
-    WarpOptions {
+    let (canvas, target) = arguments.look.canvas(full, placement(full[1]))?;
+    Ok(WarpOptions {
         filter: arguments.filter,
         outside,
         encoding: Encoding { linear_light: arguments.linear_light, ..Encoding::default() },
-        canvas,
+        canvas: Some(canvas),
         source: placement(image.height),
-        target: placement(canvas.map_or(image.height, |c| c[1])),
+        target,
         memory: session.common.memory,
         ..WarpOptions::default()
-    }
+    })
 }
 
 /// A picture of the sequence, or the only one.

@@ -251,7 +251,7 @@ fn entries(value: &Value, key: &str, path: &Path) -> Result<Vec<AnchorSpec>> {
     parsed.collect()
 }
 
-fn parse_entry(entry: &Value) -> std::result::Result<AnchorSpec, String> {
+pub(super) fn parse_entry(entry: &Value) -> std::result::Result<AnchorSpec, String> {
     let index = |v: &Value| v.as_u64().and_then(|i| u32::try_from(i).ok());
     let triple = |key: &str| -> Option<[f64; 3]> {
         let list = entry.get(key)?.as_array()?;

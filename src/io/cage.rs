@@ -5,6 +5,7 @@ use std::path::Path;
 use glam::DVec2;
 use serde_json::Value;
 
+use super::cage_outline;
 use super::obj::shortened;
 use super::source;
 use crate::{Error, Result};
@@ -47,7 +48,7 @@ pub struct CageFile {
     pub units: Option<CageUnits>,
 }
 
-/// Reads a cage: `{"source": LOOPS, "target": LOOPS, "units": "pixel" | "unit"}`, LOOPS being one
+/// Reads a cage: an SVG or GeoJSON document with two outlines, or `{"source": LOOPS, "target": LOOPS, "units": "pixel" | "unit"}`, LOOPS being one
 /// loop `[[x, y], ...]` or a list of loops.
 ///
 /// # Errors
@@ -67,22 +68,47 @@ pub fn read_cage(path: impl AsRef<Path>) -> Result<CageFile> {
 pub fn parse_cage(text: &str, name: impl AsRef<Path>) -> Result<CageFile> {
     const SHAPE: &str = "Write {\"source\": [[x, y], ...], \"target\": [[x, y], ...]}, or lists of such loops";
     let name = name.as_ref();
+    let svg = text.trim_start().starts_with('<');
+    if svg {
+        let [source, target] = cage_outline::of_svg(text, name)?;
+        return checked(CageFile { source, target, units: None }, name);
+    }
     let root: Value = serde_json::from_str(text).map_err(|e| {
         let line = Some(e.line()).filter(|&line| line > 0);
         Error::format(name, line, format!("this is not JSON: {e}"), SHAPE)
     })?;
     let fail = |what: String, remedy: &str| Error::format(name, None, what, remedy);
     let Value::Object(members) = &root else { return Err(fail("a cage is a JSON object".into(), SHAPE)) };
+    if members.contains_key("type") && !members.contains_key("source") {
+        let [source, target] = cage_outline::of_geojson(&root, name)?;
+        return checked(CageFile { source, target, units: None }, name);
+    }
     let polygon = |key: &str| -> Result<Vec<Vec<DVec2>>> {
         let value = members.get(key).ok_or_else(|| fail(format!("{key:?} is missing"), SHAPE))?;
         loops(value).map_err(|what| fail(format!("{key}, {what}"), SHAPE))
     };
     let (source, target) = (polygon("source")?, polygon("target")?);
+    let units = match members.get("units") {
+        None | Some(Value::Null) => None,
+        Some(Value::String(word)) if word == "pixel" => Some(CageUnits::Pixel),
+        Some(Value::String(word)) if word == "unit" => Some(CageUnits::Unit),
+        Some(other) => {
+            let what = format!("units are {}", shortened(&other.to_string()));
+            return Err(fail(what, "Write \"units\": \"pixel\" or \"unit\""));
+        }
+    };
+    checked(CageFile { source, target, units }, name)
+}
+
+/// A cage whose loops and vertices pair up.
+fn checked(cage: CageFile, name: &Path) -> Result<CageFile> {
+    let fail = |what: String, remedy: &str| Error::format(name, None, what, remedy);
+    let CageFile { source, target, .. } = &cage;
     if source.len() != target.len() {
         let what = format!("source has {} loops, target {}", source.len(), target.len());
         return Err(fail(what, "Give each loop of the source its image in the target, in the same order"));
     }
-    for (k, (a, b)) in source.iter().zip(&target).enumerate() {
+    for (k, (a, b)) in source.iter().zip(target).enumerate() {
         if a.len() != b.len() {
             let what = format!("loop {k} has {} vertices in the source, {} in the target", a.len(), b.len());
             return Err(fail(what, "Give each vertex its image, in the same order"));
@@ -97,16 +123,7 @@ pub fn parse_cage(text: &str, name: impl AsRef<Path>) -> Result<CageFile> {
         let what = format!("there are {vertices} vertices");
         return Err(fail(what, &format!("Simplify the cage to {MOST_VERTICES} vertices or fewer")));
     }
-    let units = match members.get("units") {
-        None | Some(Value::Null) => None,
-        Some(Value::String(word)) if word == "pixel" => Some(CageUnits::Pixel),
-        Some(Value::String(word)) if word == "unit" => Some(CageUnits::Unit),
-        Some(other) => {
-            let what = format!("units are {}", shortened(&other.to_string()));
-            return Err(fail(what, "Write \"units\": \"pixel\" or \"unit\""));
-        }
-    };
-    Ok(CageFile { source, target, units })
+    Ok(cage)
 }
 
 /// One loop or a list of them.

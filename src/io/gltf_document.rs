@@ -309,7 +309,12 @@ impl Document {
             let decoded = data.split_once(";base64,").and_then(|(_, text)| base64(text.as_bytes()));
             return decoded.ok_or_else(|| self.damaged("embedded data is not valid base64"));
         }
-        source::read_all(self.file(uri)?.path())
+        let found = self.file(uri)?;
+        if let Located::Outside(_) = found {
+            let what = format!("it refers to {:?}, outside its folder", super::obj::shortened(uri));
+            return Err(self.error(what, "Move that file beside it, or leave out --confine"));
+        }
+        source::read_all(found.path())
     }
 
     /// The file a URI names, with its percent codes or without them.

@@ -28,6 +28,7 @@ use super::gltf_scene::{GltfScene, Part};
 use super::source::{self, Notes};
 use super::{LoadedMesh, ReadOptions, gltf_colors, gltf_extensions, gltf_materials};
 use crate::Result;
+use crate::control;
 use crate::geometry::{Corner, MeshBuilder, NONE, weld};
 
 /// Reads a `.gltf` or `.glb` file with its buffers. O(file size) time and memory.
@@ -61,6 +62,8 @@ fn parse(bytes: Vec<u8>, path: &Path, options: &ReadOptions) -> Result<LoadedMes
     let mut builder = MeshBuilder::new(path.display().to_string());
     builder.mesh.materials = gltf_materials::read(&document, &mut notes)?;
     let placed = placed_meshes(&document, &mut notes)?;
+    let bytes = expanded_bytes(&document, &placed);
+    control::require(bytes, || format!("{}: its {} meshes with all they repeat", path.display(), placed.len()))?;
     let mut scene = SceneReader {
         globals: global_transforms(&document)?,
         // An accessor may be used many times, but a small file must not grow without bound.
@@ -92,6 +95,24 @@ fn parse(bytes: Vec<u8>, path: &Path, options: &ReadOptions) -> Result<LoadedMes
     loaded.scene = Some(Arc::new(GltfScene::new(document, parts)));
     Ok(loaded)
 }
+
+/// Bytes that the meshes take once the primitives have vertices and triangles of their own, at
+/// least. O(primitives).
+fn expanded_bytes(document: &Document, placed: &[Placed]) -> u64 {
+    let count = |accessor: Option<usize>| accessor.and_then(|a| document.accessor(a).ok()).map_or(0, |a| a.count);
+    let primitives = placed.iter().flat_map(|p| &document.root.meshes[p.mesh].primitives);
+    let bytes = primitives.map(|p| {
+        let vertices = count(p.attributes.get("POSITION").copied());
+        let corners = if p.indices.is_some() { count(p.indices) } else { vertices };
+        (vertices as u64).saturating_mul(BYTES_PER_VERTEX).saturating_add(corners as u64 * BYTES_PER_CORNER)
+    });
+    bytes.fold(0, u64::saturating_add)
+}
+
+/// A position as it is stored and as it is placed, and a class.
+const BYTES_PER_VERTEX: u64 = 100;
+/// A corner of a polygon, of a triangle, and of what both are made of.
+const BYTES_PER_CORNER: u64 = 40;
 
 struct SceneReader<'a> {
     document: &'a Document,

@@ -80,6 +80,14 @@ pub fn written_scene(mesh: &Mesh, materials: &[GlbMaterial]) -> Result<(Arc<Gltf
     Ok((scene.ok_or_else(missing)?, sources))
 }
 
+/// What the mesh is called: as its only group, else as its file.
+fn name_of(mesh: &Mesh) -> String {
+    match mesh.groups.as_slice() {
+        [only] => only.clone(),
+        _ => Path::new(&mesh.name).file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+    }
+}
+
 fn glb_of(
     mesh: &Mesh,
     materials: &[GlbMaterial],
@@ -119,12 +127,13 @@ fn glb_of(
     }
     let mut pictures = Pictures::default();
     let looks: Vec<Value> = materials.iter().map(|m| look(m, &mut |t| pictures.reference(t, &mut out))).collect();
+    let name = name_of(mesh);
     let mut root = json!({
         "asset": {"version": "2.0", "generator": concat!("barymap ", env!("CARGO_PKG_VERSION"))},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": primitives}],
+        "nodes": [{"name": name, "mesh": 0}],
+        "meshes": [{"name": name, "primitives": primitives}],
     });
     if origin != DVec3::ZERO {
         root["nodes"][0]["translation"] = json!(origin.to_array());

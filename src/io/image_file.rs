@@ -7,6 +7,7 @@
 //! shows. What else a file tells of its picture is [`Metadata`], which is written with what becomes
 //! of it.
 
+pub mod animation;
 mod cmyk;
 mod convert;
 mod exif;

@@ -3,13 +3,62 @@
 //! References come from other machines: with other separators, letter cases, folders and encodings,
 //! as absolute paths or URLs. A reference is looked up as it is written first. Where nothing is
 //! there, the end of its path is looked for beside the referring file, and the caller tells where
-//! it was found.
+//! it was found. Work inside [`confined`] finds files beside the referring one and below only.
 
+use std::cell::Cell;
 use std::ffi::OsString;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use super::spelling;
 use super::texture_name::TextureName;
+
+thread_local! {
+    /// Whether this thread keeps to the folders of referring files.
+    static CONFINED: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Runs `work` so that files which other files name (material libraries, textures, buffers, the
+/// meshes of a list) are read only if they lie in the folder of the file that names them, or below
+/// it; links that lead elsewhere count as elsewhere. What `work` names itself is read wherever it
+/// lies. For files of others, as in a service. Readers look for references on the thread that
+/// calls them.
+///
+/// ```
+/// let dir = std::env::temp_dir();
+/// # let dir = dir.join(format!("barymap-confined-{}", std::process::id()));
+/// # std::fs::create_dir_all(&dir)?;
+/// let path = dir.join("m.obj");
+/// std::fs::write(&path, "mtllib /etc/hostname\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")?;
+/// let mesh = barymap::io::confined(|| barymap::io::read_mesh(&path))?;
+/// assert!(mesh.warnings[0].contains("outside"));
+/// # std::fs::remove_dir_all(&dir)?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn confined<T>(work: impl FnOnce() -> T) -> T {
+    /// Puts back what was, however the work ends.
+    struct Before(bool);
+    impl Drop for Before {
+        fn drop(&mut self) {
+            CONFINED.set(self.0);
+        }
+    }
+    let _before = Before(CONFINED.replace(true));
+    work()
+}
+
+/// Whether `file` may be read on behalf of a file in `folder`.
+pub(crate) fn is_allowed(folder: &Path, file: &Path) -> bool {
+    if !CONFINED.get() {
+        return true;
+    }
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let Ok(folder) = folder.canonicalize() else { return false };
+    let within = |file: &Path| file.canonicalize().is_ok_and(|real| real.starts_with(&folder));
+    match tiles(file) {
+        Some(tiles) => tiles.iter().all(|tile| within(tile)),
+        None => within(file),
+    }
+}
 
 /// What became of a reference.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -20,23 +69,25 @@ pub(crate) enum Located {
     Elsewhere(PathBuf),
     /// There is no such file; this is where the reference says.
     Missing(PathBuf),
+    /// It leads out of the folder that the work is [`confined`] to. There is nothing at this path.
+    Outside(PathBuf),
 }
 
 impl Located {
     pub(crate) fn path(&self) -> &Path {
         match self {
-            Self::AsWritten(path) | Self::Elsewhere(path) | Self::Missing(path) => path,
+            Self::AsWritten(path) | Self::Elsewhere(path) | Self::Missing(path) | Self::Outside(path) => path,
         }
     }
 
     pub(crate) fn into_path(self) -> PathBuf {
         match self {
-            Self::AsWritten(path) | Self::Elsewhere(path) | Self::Missing(path) => path,
+            Self::AsWritten(path) | Self::Elsewhere(path) | Self::Missing(path) | Self::Outside(path) => path,
         }
     }
 
     pub(crate) fn is_missing(&self) -> bool {
-        matches!(self, Self::Missing(_))
+        matches!(self, Self::Missing(_) | Self::Outside(_))
     }
 }
 
@@ -54,20 +105,36 @@ pub(crate) fn locate(file: &Path, written: &[u8]) -> Located {
             }
         }
     }
-    if let Some(there) = names.iter().map(|n| folder.join(n)).find(|p| exists(p)) {
+    let there: Vec<PathBuf> = names.iter().map(|n| folder.join(n)).filter(|p| exists(p)).collect();
+    let refused = !there.is_empty();
+    if let Some(there) = there.into_iter().find(|p| is_allowed(folder, p)) {
         return Located::AsWritten(there);
     }
     let parts: Vec<Vec<String>> = readings.iter().map(|r| components(r)).collect();
     let longest = parts.iter().map(Vec::len).max().unwrap_or(0);
     for skipped in 0..longest {
         for part in parts.iter().filter(|p| skipped < p.len()) {
-            if let Some(found) = descend(folder, &part[skipped..]) {
+            if let Some(found) = descend(folder, &part[skipped..]).filter(|found| is_allowed(folder, found)) {
                 return Located::Elsewhere(found);
             }
         }
     }
     let name = readings.first().map(|r| r.replace('\\', "/")).unwrap_or_default();
-    Located::Missing(folder.join(name))
+    let place = folder.join(name);
+    let leads_up = place.strip_prefix(folder).map_or(true, |p| p.components().any(|c| c == Component::ParentDir));
+    if CONFINED.get() && (leads_up || refused || place.symlink_metadata().is_ok()) {
+        return Located::Outside(vacant(folder, &place));
+    }
+    Located::Missing(place)
+}
+
+/// A path in `folder` with the last name of `place` at which there is nothing, not even a link.
+fn vacant(folder: &Path, place: &Path) -> PathBuf {
+    let mut name = place.file_name().map_or_else(|| OsString::from("_"), OsString::from);
+    while folder.join(&name).symlink_metadata().is_ok() || exists(&folder.join(&name)) {
+        name.push("_");
+    }
+    folder.join(name)
 }
 
 /// A `file:` URL as the path it names; anything else as it is.
@@ -127,15 +194,20 @@ pub(crate) fn path_bytes(path: &Path) -> Vec<u8> {
 
 /// Whether a file of this name is there; of a name with a place for tiles, any of them.
 fn exists(path: &Path) -> bool {
+    tiles(path).map_or_else(|| path.is_file(), |tiles| !tiles.is_empty())
+}
+
+/// The files of a name with a place for tiles; none for another name.
+fn tiles(path: &Path) -> Option<Vec<PathBuf>> {
     let text = path.to_string_lossy();
-    let name = TextureName::new(text.as_ref());
-    if !name.has_tile() {
-        return path.is_file();
+    if !TextureName::new(text.as_ref()).has_tile() {
+        return None;
     }
-    let (Some(folder), Some(pattern)) = (path.parent(), path.file_name()) else { return false };
+    let (Some(folder), Some(pattern)) = (path.parent(), path.file_name()) else { return Some(Vec::new()) };
     let pattern = TextureName::new(pattern.to_string_lossy());
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-    entries(folder).iter().any(|entry| pattern.matches_tile(&entry.to_string_lossy()))
+    let all = entries(folder).into_iter().filter(|entry| pattern.matches_tile(&entry.to_string_lossy()));
+    Some(all.map(|entry| folder.join(entry)).collect())
 }
 
 /// The parts of a path as another machine may have written it, without its root and steps upwards.
@@ -183,6 +255,33 @@ fn entries(folder: &Path) -> Vec<OsString> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn confined_work_stays_beside_and_below() {
+        use std::os::unix::fs::symlink;
+        let (dir, file) = folder(&[b"in.png", b"below/in.png", b"t.1001.png"]);
+        let (away, _) = folder(&[b"secret.png", b"s.1001.png"]);
+        let secret = away.path().join("secret.png");
+        symlink(&secret, dir.path().join("link.png")).unwrap();
+        symlink(away.path(), dir.path().join("linked")).unwrap();
+        symlink(away.path().join("s.1001.png"), dir.path().join("t.1002.png")).unwrap();
+        let out = format!("../{}/secret.png", away.path().file_name().unwrap().display());
+        let written = [secret.to_str().unwrap(), &out, "link.png", "linked/secret.png", "t.<UDIM>.png"];
+        for written in written {
+            assert!(matches!(locate(&file, written.as_bytes()), Located::AsWritten(_)), "{written}");
+            let found = confined(|| locate(&file, written.as_bytes()));
+            let Located::Outside(path) = &found else { panic!("{written}: {found:?}") };
+            assert!(path.starts_with(dir.path()) && path.symlink_metadata().is_err(), "{found:?}");
+        }
+        for written in ["in.png", "below/in.png", "below/../in.png"] {
+            assert!(matches!(confined(|| locate(&file, written.as_bytes())), Located::AsWritten(_)), "{written}");
+        }
+        // A file of that name beside is taken in place of one elsewhere.
+        assert!(matches!(confined(|| locate(&file, b"/etc/in.png")), Located::Elsewhere(_)));
+        assert!(matches!(confined(|| locate(&file, b"gone.png")), Located::Missing(_)));
+        assert!(matches!(locate(&file, out.as_bytes()), Located::AsWritten(_)), "it ends with the work");
+    }
 
     /// A folder with some files, and a mesh file to look from.
     fn folder(files: &[&[u8]]) -> (tempfile::TempDir, PathBuf) {

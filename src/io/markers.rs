@@ -2,13 +2,15 @@
 //!
 //! `{"LKNE": 4711, "HEAD": [0.0, 1.7, 0.1], "LeftArm": {"vertices": [17, 29, 80]}}`; a place is a
 //! vertex index, a position (the nearest vertex is taken), `{"vertex": i}`, `{"vertices": [i,
-//! ...]}` or `{"position": [x, y, z]}`. All may stand in an object `"markers"`.
+//! ...]}`, `{"position": [x, y, z]}` or `{"face": f, "barycentric": [b0, b1, b2]}`. All may stand in
+//! an object `"markers"`.
 
 use std::path::Path;
 
 use glam::DVec3;
 use serde_json::Value;
 
+use super::anchors::{AnchorSpec, parse_entry};
 use super::source;
 use crate::{Error, Result};
 
@@ -20,6 +22,8 @@ pub enum MarkerPlace {
     Vertices(Vec<u32>),
     /// The vertex nearest to this position.
     Position(DVec3),
+    /// The corner of this triangle, 0-based, that has the largest barycentric coordinate.
+    Face(u32, [f64; 3]),
 }
 
 /// Reads names of markers or joints with their places, in alphabetical order.
@@ -65,6 +69,10 @@ fn place(entry: &Value) -> Option<MarkerPlace> {
             if let Some(list) = object.get("vertices") {
                 let list: Option<Vec<u32>> = list.as_array()?.iter().map(index).collect();
                 return list.filter(|l| !l.is_empty()).map(MarkerPlace::Vertices);
+            }
+            if object.contains_key("face") {
+                let Ok(AnchorSpec::Face { face, barycentric }) = parse_entry(entry) else { return None };
+                return Some(MarkerPlace::Face(face, barycentric));
             }
             place(object.get("position").filter(|p| p.is_array())?)
         }

@@ -33,7 +33,7 @@ pub(crate) fn read(path: &Path, notes: &mut Notes) -> Result<Vec<LibraryMaterial
         let line = line.trim_ascii();
         let split = line.iter().position(u8::is_ascii_whitespace).unwrap_or(line.len());
         let (keyword, rest) = (String::from_utf8_lossy(&line[..split]), line[split..].trim_ascii());
-        if keyword.is_empty() || keyword.starts_with('#') {
+        if keyword.is_empty() {
             continue;
         }
         if keyword.eq_ignore_ascii_case("newmtl") {
@@ -41,6 +41,10 @@ pub(crate) fn read(path: &Path, notes: &mut Notes) -> Result<Vec<LibraryMaterial
             continue;
         }
         let Some(entry) = materials.last_mut() else { continue };
+        if keyword.starts_with('#') {
+            entry.material.statements.push(Statement { text: line.to_vec(), file: None });
+            continue;
+        }
         match role(&keyword) {
             Some(role) => texture(entry, path, role, line, rest, notes),
             None if is_texture(&keyword) => {
@@ -107,6 +111,7 @@ fn texture(entry: &mut LibraryMaterial, path: &Path, role: &str, line: &[u8], re
         Located::AsWritten(_) => {}
         Located::Elsewhere(file) => notes
             .say(format!("material {name:?}: its {role} texture {written} is not there; {} is taken", file.display())),
+        Located::Outside(_) => notes.outside(&format!("{role} texture"), &written),
         Located::Missing(file) => {
             notes.say(format!("material {name:?}: its {role} texture {} does not exist", file.display()));
         }

@@ -11,6 +11,8 @@ mod assemble;
 pub mod attribute_table;
 pub mod cache;
 pub mod cage;
+mod cage_outline;
+mod companion;
 pub mod decal_anchors;
 mod encoding;
 #[doc(hidden)]
@@ -105,20 +107,25 @@ pub use anchors::ResolvedAnchor;
 pub use anchors::{AnchorList, AnchorPairs, AnchorSpec};
 pub use cache::{Cache, CacheKey};
 #[doc(hidden)]
+pub use companion::{Companions, Taken};
+#[doc(hidden)]
 pub use gltf_animation::write_animated_glb;
 pub use gltf_animation::{GlbAnimation, GlbAnimationReport, MorphForm};
 pub use gltf_scene::{GltfScene, KeepTextures, SceneEdit, SkinWeights};
 #[doc(hidden)]
 pub use gltf_skin::SkinTable;
 pub use gltf_write::{GlbMaterial, GlbTexture, write_glb};
-pub use handles::{check_handles, read_handles, read_vertex_list};
+pub use handles::{check_handles, read_handles, read_handles_on, read_vertex_list, read_vertices_on};
 pub use image_file::{read_image, read_picture, read_texture, write_image, write_picture};
+pub use locate::confined;
 #[doc(hidden)]
 pub use markers::MarkerPlace;
 pub use markers::read_markers;
 pub use mask::read_mask;
 pub use motion::{Motion, read_motion};
 pub use obj_write::write_obj;
+#[doc(hidden)]
+pub use obj_write::write_obj_with;
 pub use output::check_writable;
 #[doc(hidden)]
 pub use output::write_atomically;
@@ -179,7 +186,8 @@ pub fn read_mesh_with(path: impl AsRef<Path>, options: &ReadOptions) -> Result<L
     read.map_err(|e| Error::io(path, e, "Check that the file may be read"))?;
     let by_content = sniff(&head);
     let by_name = by_extension(path);
-    let format = by_content.or(by_name).ok_or_else(|| {
+    let unnamed = || resembles_obj(&head).then_some(MeshFormat::Obj);
+    let format = by_content.or(by_name).or_else(unnamed).ok_or_else(|| {
         let what = if head.is_empty() { "the file is empty" } else { "this is not a mesh of a known kind" };
         Error::format(path, None, what, "Convert it to OBJ, PLY, OFF, glTF or GLB")
     })?;
@@ -276,6 +284,15 @@ fn sniff(head: &[u8]) -> Option<MeshFormat> {
     }
 }
 
+/// Whether the first statement of a text is one of OBJ, which has no mark of its own.
+fn resembles_obj(head: &[u8]) -> bool {
+    let text = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head);
+    let mut words = text.split(|b| *b == b'\n' || *b == b'\r').map(|line| line.trim_ascii());
+    let first = words.find(|line| !line.is_empty() && !line.starts_with(b"#")).unwrap_or_default();
+    let word = first.split(u8::is_ascii_whitespace).next().unwrap_or_default();
+    [&b"v"[..], b"vn", b"vt", b"mtllib", b"usemtl", b"o", b"g", b"s"].contains(&word)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -311,6 +328,7 @@ mod tests {
             ("a.off", off, 0),
             ("a.obj", off, 1),
             ("noname", off, 0),
+            ("stdin", "# from somewhere\n\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", 0),
             ("b.OBJ", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", 0),
         ] {
             let path = dir.path().join(name);

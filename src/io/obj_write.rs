@@ -5,8 +5,10 @@ use std::collections::HashSet;
 use std::io::Write;
 use std::path::{Component, Path, PathBuf};
 
+use super::companion::{Companions, Taken};
 use super::locate::path_bytes;
-use super::material_library::keyword;
+use super::material_library::{self as library, keyword};
+use super::source::Notes;
 use super::{finite, output};
 use crate::Result;
 use crate::geometry::material::{BASE_COLOR, Placement, TextureContent, Wrap};
@@ -14,7 +16,8 @@ use crate::geometry::{Material, Mesh, NONE};
 use crate::picture::linear_to_srgb;
 
 /// Writes `mesh` as OBJ, and its materials, if it has any, as an MTL file of the same name beside
-/// it.
+/// it; where they are those of the libraries that the mesh was read with, these are referred to.
+/// Another file of that name stays, and the MTL file gets a free one ([`write_obj_with`]).
 ///
 /// Vertex order, polygons, texture coordinates, normals, colours, groups, smoothing groups and
 /// materials are kept, names with the bytes they had in the file, numbers with as many digits as
@@ -25,21 +28,59 @@ use crate::picture::linear_to_srgb;
 /// [`crate::Error::Io`] if a file cannot be written; [`crate::Error::NotFinite`] for a coordinate
 /// that is not finite.
 pub fn write_obj(mesh: &Mesh, path: impl AsRef<Path>) -> Result<()> {
-    let path = path.as_ref();
-    finite::mesh(path, mesh)?;
-    if !mesh.materials.is_empty() {
-        let library = path.with_extension("mtl");
-        let text = material_library(mesh, path)?;
-        output::write_bytes(&library, &text)?;
-    }
-    output::write_atomically(path, |w| write_statements(mesh, path, w).map_err(output::failed(path)))
+    write_obj_with(mesh, path, Taken::Stays).map(drop)
 }
 
-fn write_statements(mesh: &Mesh, path: &Path, w: &mut impl Write) -> std::io::Result<()> {
-    if !mesh.materials.is_empty() {
-        let library = path.with_extension("mtl");
+/// As [`write_obj`], with what becomes of files that have the names of its companions; returns the
+/// companions.
+///
+/// # Errors
+/// As [`write_obj`].
+#[doc(hidden)]
+pub fn write_obj_with(mesh: &Mesh, path: impl AsRef<Path>, taken: Taken) -> Result<Companions> {
+    let path = path.as_ref();
+    finite::mesh(path, mesh)?;
+    let mut companions = Companions::default();
+    let libraries = if mesh.materials.is_empty() {
+        Vec::new()
+    } else if let Some(unchanged) = unchanged_libraries(mesh, path) {
+        companions.referred.clone_from(&mesh.libraries);
+        unchanged
+    } else {
+        let text = material_library(mesh, path, taken, &mut companions)?;
+        let library = companions.write(&path.with_extension("mtl"), &text, taken)?;
+        vec![path_bytes(Path::new(library.file_name().unwrap_or_default()))]
+    };
+    output::write_atomically(path, |w| write_statements(mesh, &libraries, w).map_err(output::failed(path)))?;
+    Ok(companions)
+}
+
+/// The libraries that the mesh was read with, as seen from the folder of `path`, if they define its
+/// materials as these are now. The first of two that define a name is the last one here, which
+/// counts for readers.
+fn unchanged_libraries(mesh: &Mesh, path: &Path) -> Option<Vec<Vec<u8>>> {
+    if mesh.libraries.is_empty() {
+        return None;
+    }
+    let read = |file: &PathBuf| library::read(file, &mut Notes::default()).ok();
+    let defined: Vec<_> = mesh.libraries.iter().map(read).collect::<Option<Vec<_>>>()?.into_iter().flatten().collect();
+    let same = |(material, name): (&Material, Vec<u8>)| match defined.iter().find(|d| d.name == name) {
+        Some(d) => Material { name: material.name.clone(), ..d.material.clone() } == *material,
+        None => Material { name: material.name.clone(), ..Material::default() } == *material,
+    };
+    if !mesh.materials.iter().zip(Names { mesh }.materials()).all(same) {
+        return None;
+    }
+    let names: Vec<Vec<u8>> = mesh.libraries.iter().rev().map(|l| path_bytes(&relative(l, path))).collect();
+    // What would not be read back as it is written.
+    let awkward = |n: &Vec<u8>| n.iter().any(|b| b.is_ascii_control() || b"\"\\#".contains(b));
+    (!names.iter().any(awkward)).then_some(names)
+}
+
+fn write_statements(mesh: &Mesh, libraries: &[Vec<u8>], w: &mut impl Write) -> std::io::Result<()> {
+    for library in libraries {
         w.write_all(b"mtllib ")?;
-        w.write_all(&path_bytes(Path::new(library.file_name().unwrap_or_default())))?;
+        w.write_all(library)?;
         writeln!(w)?;
     }
     write_vertices(mesh, w)?;
@@ -145,7 +186,7 @@ impl Names<'_> {
 }
 
 /// The MTL text; writes embedded textures on the way.
-fn material_library(mesh: &Mesh, path: &Path) -> Result<Vec<u8>> {
+fn material_library(mesh: &Mesh, path: &Path, taken: Taken, companions: &mut Companions) -> Result<Vec<u8>> {
     let mut text = Vec::new();
     for (k, (material, name)) in mesh.materials.iter().zip(Names { mesh }.materials()).enumerate() {
         text.extend_from_slice(b"newmtl ");
@@ -171,8 +212,7 @@ fn material_library(mesh: &Mesh, path: &Path) -> Result<Vec<u8>> {
                 let extension = if bytes.starts_with(&[0xff, 0xd8]) { "jpg" } else { "png" };
                 let stem = path.file_stem().unwrap_or_default().to_string_lossy();
                 let file = path.with_file_name(format!("{stem}_{k}.{extension}"));
-                output::write_bytes(&file, bytes)?;
-                file.file_name().map(PathBuf::from)
+                companions.write(&file, bytes, taken)?.file_name().map(PathBuf::from)
             }
             (None, None) => None,
         };
@@ -329,8 +369,10 @@ mod tests {
         let obj = b"mtllib in.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\ng Arm\x83\x5c\nusemtl K\xf6rper\nf 1 2 3\ng Bein\\\nusemtl K\xfcrper\nf 1 2 3\n";
         std::fs::write(place("in.mtl"), mtl).unwrap();
         std::fs::write(place("in.obj"), obj).unwrap();
-        let loaded = read_obj(place("in.obj")).unwrap();
+        let mut loaded = read_obj(place("in.obj")).unwrap();
         assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
+        // As if they had been changed; else the file refers to the library.
+        loaded.mesh.libraries.clear();
         let names: Vec<&str> = loaded.mesh.materials.iter().map(|m| m.name.as_str()).collect();
         assert_eq!(names.len(), 2);
         assert_ne!(names[0], names[1]);

@@ -1,20 +1,21 @@
 //! Opening files.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::{self, BufReader, Read};
 use std::path::Path;
 
 use crate::{Error, Result};
 
-/// Opens a regular file for reading.
+/// Opens a regular file for reading. What it is is seen before it is opened: opening a pipe waits
+/// for somebody to write.
 pub(crate) fn open(path: &Path) -> Result<BufReader<File>> {
     let missing = "Check the path and that the file may be read";
-    let file = File::open(path).map_err(|e| Error::io(path, e, missing))?;
-    let metadata = file.metadata().map_err(|e| Error::io(path, e, missing))?;
+    let metadata = fs::metadata(path).map_err(|e| Error::io(path, e, missing))?;
     if !metadata.is_file() {
-        let kind = if metadata.is_dir() { "this is a folder" } else { "this is not a regular file" };
+        let kind = if metadata.is_dir() { "this is a folder" } else { "this is a pipe or a device, not a file" };
         return Err(Error::io(path, io::Error::new(io::ErrorKind::InvalidInput, kind), "Name a file"));
     }
+    let file = File::open(path).map_err(|e| Error::io(path, e, missing))?;
     Ok(BufReader::with_capacity(1 << 16, file))
 }
 

@@ -8,16 +8,19 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 use crate::{Error, Result};
 
 /// Temporary files and folders being written, and whether an interrupt has ended all writing.
 pub(super) struct Registry {
     live: Vec<PathBuf>,
+    /// Folders in which leftovers of killed runs have been looked for.
+    swept: Vec<PathBuf>,
     pub(super) closed: bool,
 }
 
-static REGISTRY: Mutex<Registry> = Mutex::new(Registry { live: Vec::new(), closed: false });
+static REGISTRY: Mutex<Registry> = Mutex::new(Registry { live: Vec::new(), swept: Vec::new(), closed: false });
 
 pub(super) fn registry() -> MutexGuard<'static, Registry> {
     // The list stays correct whatever a panicking thread was doing: every change to it is a single
@@ -31,7 +34,8 @@ const REMEDY: &str = "Check the folder, its permissions and the free space, or n
 ///
 /// The content goes to a temporary file in the same folder, which is renamed over `path` at the
 /// end; on any error it is removed and what was at `path` stays. A symbolic link is followed.
-/// Devices and pipes (`/dev/stdout`) are written directly.
+/// Devices and pipes below `/dev` (`/dev/stdout`) are written directly; other pipes are refused,
+/// because opening one waits for a reader.
 ///
 /// # Errors
 /// [`Error::Io`] if the folder is missing or cannot be written, and whatever `write` returns.
@@ -42,17 +46,43 @@ pub fn write_atomically<T>(
 ) -> Result<T> {
     let path = path.as_ref();
     let target = final_place(path)?;
-    if fs::metadata(&target).is_ok_and(|m| !m.is_file()) {
+    if special(path, &target)?.is_some() {
         let mut file = fs::OpenOptions::new().write(true).open(&target).map_err(|e| Error::io(path, e, REMEDY))?;
         return fill(path, &mut file, write);
     }
-    let temporary = Temporary::beside(path, &target)?;
+    let mut temporary = Temporary::beside(path, &target)?;
     let mut file =
         File::options().write(true).create_new(true).open(&temporary.path).map_err(|e| Error::io(path, e, REMEDY))?;
+    temporary.hold();
     let value = fill(path, &mut file, write)?;
     drop(file);
     temporary.rename_to(path, &target)?;
     Ok(value)
+}
+
+/// What is written as it comes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Special {
+    Pipe,
+    Device,
+}
+
+/// What `target` is if it is no regular file. A pipe that is not below `/dev`, where a shell puts
+/// those that have a reader, is refused.
+fn special(path: &Path, target: &Path) -> Result<Option<Special>> {
+    let Ok(metadata) = fs::metadata(target) else { return Ok(None) };
+    if metadata.is_file() {
+        return Ok(None);
+    }
+    #[cfg(unix)]
+    if std::os::unix::fs::FileTypeExt::is_fifo(&metadata.file_type()) {
+        if path.starts_with("/dev") || target.starts_with("/dev") {
+            return Ok(Some(Special::Pipe));
+        }
+        let what = io::Error::new(io::ErrorKind::InvalidInput, "this is a named pipe, which waits for its reader");
+        return Err(Error::io(path, what, "Write to - and let the shell send that on: -o - > PIPE"));
+    }
+    Ok(Some(Special::Device))
 }
 
 fn fill<T>(path: &Path, file: &mut File, write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<T>) -> Result<T> {
@@ -83,8 +113,13 @@ pub(crate) fn failed(path: &Path) -> impl Fn(io::Error) -> Error + '_ {
 pub fn check_writable(path: impl AsRef<Path>) -> Result<()> {
     let path = path.as_ref();
     let target = final_place(path)?;
-    if fs::metadata(&target).is_ok_and(|m| !m.is_file()) {
-        return fs::OpenOptions::new().write(true).open(&target).map(drop).map_err(|e| Error::io(path, e, REMEDY));
+    match special(path, &target)? {
+        // Its reader would take the closing for the end of all.
+        Some(Special::Pipe) => return Ok(()),
+        Some(Special::Device) => {
+            return fs::OpenOptions::new().write(true).open(&target).map(drop).map_err(|e| Error::io(path, e, REMEDY));
+        }
+        None => {}
     }
     let temporary = Temporary::beside(path, &target)?;
     File::options().write(true).create_new(true).open(&temporary.path).map(drop).map_err(|e| Error::io(path, e, REMEDY))
@@ -130,6 +165,8 @@ pub(super) fn folder_of(path: &Path) -> &Path {
 #[derive(Debug)]
 pub(super) struct Temporary {
     path: PathBuf,
+    /// Holds a lock on it, by which other processes see that it is in use.
+    held: Option<File>,
 }
 
 impl Temporary {
@@ -141,6 +178,7 @@ impl Temporary {
         if registry.closed {
             return Err(Error::io(path, io::ErrorKind::Interrupted.into(), "Run the command again"));
         }
+        sweep(folder, &mut registry);
         // Unique in this process by the counter and among processes by the id; a leftover of a
         // killed process with the same id is skipped.
         let candidate = (0u32..)
@@ -148,7 +186,15 @@ impl Temporary {
             .find(|p| !registry.live.contains(p) && !p.exists());
         let candidate = candidate.unwrap_or_else(|| folder.join(".barymap.partial"));
         registry.live.push(candidate.clone());
-        Ok(Self { path: candidate })
+        Ok(Self { path: candidate, held: None })
+    }
+
+    /// Marks the file or folder, which is there now, as one in use.
+    pub(super) fn hold(&mut self) {
+        // Locks of other systems keep its own writer out.
+        if cfg!(unix) {
+            self.held = File::open(&self.path).ok().filter(|file| file.try_lock().is_ok());
+        }
     }
 
     pub(super) fn path(&self) -> &Path {
@@ -166,6 +212,49 @@ impl Temporary {
         Ok(())
     }
 }
+
+/// Removes what killed runs left in `folder`, when it is first written to. O(entries).
+fn sweep(folder: &Path, registry: &mut Registry) {
+    if registry.swept.iter().any(|f| f == folder) {
+        return;
+    }
+    registry.swept.push(folder.to_path_buf());
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        let Some(process) = writer_of(&name.to_string_lossy()) else { continue };
+        let path = entry.path();
+        if !registry.live.contains(&path) && is_over(process, &path) {
+            // One that cannot be removed does no harm.
+            let _ = remove(&path);
+        }
+    }
+}
+
+/// The process in the name of a temporary file: `.NAME.PROCESS-NUMBER.partial`.
+fn writer_of(name: &str) -> Option<u32> {
+    let (_, numbers) = name.strip_prefix('.')?.strip_suffix(".partial")?.rsplit_once('.')?;
+    let (process, number) = numbers.split_once('-')?;
+    number.parse::<u32>().ok()?;
+    process.parse().ok()
+}
+
+/// Whether nobody writes a temporary file any more: no process of this machine has its number, and
+/// none of another, in a shared folder, has it locked.
+fn is_over(process: u32, path: &Path) -> bool {
+    let numbers = Path::new("/proc/self/status").exists();
+    let gone = if process == std::process::id() {
+        true
+    } else if numbers {
+        !Path::new(&format!("/proc/{process}")).exists()
+    } else {
+        let age = fs::metadata(path).and_then(|m| m.modified()).ok().and_then(|t| t.elapsed().ok());
+        age.is_some_and(|age| age > UNSEEN)
+    };
+    gone && File::open(path).is_ok_and(|file| file.try_lock().is_ok())
+}
+
+/// How old a temporary file is taken to be left behind where processes cannot be seen.
+const UNSEEN: Duration = Duration::from_secs(24 * 3600);
 
 impl Drop for Temporary {
     fn drop(&mut self) {
@@ -225,6 +314,26 @@ mod tests {
         }
         check_writable(dir.path().join("fine.png")).unwrap();
         assert_eq!(entries(dir.path()), 0);
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn what_a_killed_run_left_is_removed_and_nothing_else() {
+        let dir = tempfile::tempdir().unwrap();
+        let place = |name: &str| dir.path().join(name);
+        // No process has a number beyond the largest that the system gives.
+        let (file, folder) = (place(".a.png.4194305-0.partial"), place(".b.4194305-3.partial"));
+        fs::write(&file, "half").unwrap();
+        fs::create_dir(&folder).unwrap();
+        fs::write(folder.join("x"), "half").unwrap();
+        let others = [".a.png.1-0.partial", ".a.partial", "a.4194305-0.partial", ".held.4194305-0.partial"].map(place);
+        others.iter().for_each(|other| fs::write(other, "kept").unwrap());
+        let held = File::open(&others[3]).unwrap();
+        held.try_lock().unwrap();
+        write_bytes(place("new"), b"1").unwrap();
+        assert!(!file.exists() && !folder.exists());
+        assert!(others.iter().all(|other| other.exists()));
+        assert_eq!(entries(dir.path()), 5);
     }
 
     #[cfg(unix)]

@@ -51,8 +51,9 @@ impl OutputFolder {
     }
 
     fn begin(place: PathBuf, replaces: bool) -> Result<Self> {
-        let building = Temporary::beside(&place, &place)?;
+        let mut building = Temporary::beside(&place, &place)?;
         fs::create_dir(building.path()).map_err(|e| Error::io(&place, e, REMEDY))?;
+        building.hold();
         Ok(Self { place, building, replaces })
     }
 
@@ -108,8 +109,9 @@ impl OutputSet {
     /// [`Error::Io`] if there is no such folder or it cannot be written.
     pub fn beside(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
-        let folder = Temporary::beside(path, &final_place(path)?)?;
+        let mut folder = Temporary::beside(path, &final_place(path)?)?;
         fs::create_dir(folder.path()).map_err(failed(path))?;
+        folder.hold();
         Ok(Self { folder, files: Vec::new() })
     }
 

@@ -46,6 +46,8 @@ pub(crate) fn refuse_utf16(path: &Path, head: &[u8]) -> Result<()> {
 pub(crate) struct Notes {
     kinds: Vec<(&'static str, usize, Option<usize>)>,
     texts: Vec<String>,
+    /// Sentences beyond those.
+    more: usize,
 }
 
 impl Notes {
@@ -61,7 +63,7 @@ impl Notes {
     pub(crate) fn say(&mut self, text: String) {
         match self.texts.len() {
             0..20 if !self.texts.contains(&text) => self.texts.push(text),
-            20 => self.texts.push("and more of the same".to_owned()),
+            20 => self.more += 1,
             _ => {}
         }
     }
@@ -76,7 +78,13 @@ impl Notes {
                 path.display()
             )),
             Located::Missing(path) => self.say(format!("the texture {} does not exist", path.display())),
+            Located::Outside(_) => self.outside("texture", &String::from_utf8_lossy(written)),
         }
+    }
+
+    /// Tells of a reference that the work is not allowed to follow.
+    pub(crate) fn outside(&mut self, what: &str, written: &str) {
+        self.say(format!("the {what} {written} lies outside the folder of the file that names it and is not read"));
     }
 
     /// All sentences.
@@ -85,7 +93,8 @@ impl Notes {
             Some(line) => format!("{what}: {count}, first on line {line}"),
             None => format!("{what}: {count}"),
         });
-        self.texts.into_iter().chain(counted).collect()
+        let more = (self.more > 0).then(|| format!("and {} more of the kind", self.more));
+        self.texts.into_iter().chain(more).chain(counted).collect()
     }
 }
 
@@ -109,6 +118,9 @@ mod tests {
         let mut notes = Notes::default();
         notes.count("lines left out", Some(7));
         notes.count("lines left out", Some(9));
-        assert_eq!(notes.into_warnings(), ["lines left out: 2, first on line 7"]);
+        (0..23).for_each(|k| notes.say(format!("texture {} is not there", k % 23)));
+        let warnings = notes.into_warnings();
+        assert_eq!(warnings.len(), 22);
+        assert_eq!(warnings[20..], ["and 3 more of the kind", "lines left out: 2, first on line 7"]);
     }
 }

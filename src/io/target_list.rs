@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
+use super::locate::is_allowed;
 use super::table::Table;
 use super::{by_extension, encoding};
 use crate::{Error, Result};
@@ -95,8 +96,14 @@ fn list(path: &Path) -> Result<Vec<TargetItem>> {
         Err(what) => named(format!("item_{k}"), Err(format!("{}, item {k}: {what}", path.display()))),
         Ok(row) => {
             let target = base.join(&row.target);
+            let anchors = anchors_path(base, &row.anchors);
+            let named_files = std::iter::once(target.as_path()).chain(anchors.split(',').map(Path::new));
+            if let Some(out) = named_files.filter(|f| f.exists()).find(|f| !is_allowed(base, f)) {
+                let what = format!("{}, item {k}: {} lies outside its folder", path.display(), out.display());
+                return named(format!("item_{k}"), Err(what));
+            }
             let name = row.name.unwrap_or_else(|| stem(&target));
-            named(name, Ok((target, anchors_path(base, &row.anchors))))
+            named(name, Ok((target, anchors)))
         }
     };
     Ok(rows.into_iter().enumerate().map(item).collect())

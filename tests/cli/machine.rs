@@ -159,3 +159,105 @@ fn unheard(f: &Folder, words: &str) -> Option<i32> {
     command.args(words.split_whitespace()).stdout(writer.try_clone().unwrap()).stderr(writer);
     command.status().unwrap().code()
 }
+
+#[test]
+#[cfg(target_os = "linux")]
+fn little_room_gives_an_error_or_one_thread() {
+    let f = Folder::spheres();
+    // Addresses: whatever there is, no panic and no abort.
+    for kilobytes in [400_000, 1_000_000, 1_500_000, 3_000_000] {
+        let ran = f.shell(&format!("ulimit -v {kilobytes}; barymap {TRANSFER} -o v.png"));
+        let room = kilobytes > 1_200_000;
+        assert_eq!(ran.code, Some(if room { 0 } else { 1 }), "{kilobytes}: {}", ran.stderr);
+        assert!(room || ran.message().contains("ulimit -v"), "{}", ran.stderr);
+        assert!(!ran.stderr.contains("panicked"), "{}", ran.stderr);
+    }
+    f.shell("ulimit -v 400000; barymap --help && barymap transfer --help").succeeds();
+    // Threads: the superuser gets them all the same.
+    let ran = f.shell(&format!("bash -c 'ulimit -u 1; barymap {TRANSFER} -o u.png'"));
+    assert!(matches!(ran.code, Some(0 | 1)) && !ran.stderr.contains("panicked"), "{:?} {}", ran.code, ran.stderr);
+}
+
+#[test]
+fn a_thousand_threads_are_bounded() {
+    let f = Folder::spheres();
+    f.run(&format!("{TRANSFER} --backend cpu --no-cache --threads 1 -o one.png")).succeeds();
+    let ran = f.run(&format!("{TRANSFER} --backend cpu --no-cache --threads 1000 -o many.png")).succeeds();
+    assert!(ran.stderr.contains("instead of 1000"), "{}", ran.stderr);
+    assert_eq!(f.bytes("one.png"), f.bytes("many.png"));
+    let ran = f.run_with(&format!("{TRANSFER} --backend cpu -o many.png"), &[("RAYON_NUM_THREADS", "1000")]).succeeds();
+    assert!(ran.stderr.contains("instead of 1000"), "{}", ran.stderr);
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn what_a_killed_run_left_goes_with_the_next() {
+    let f = Folder::spheres();
+    // No process has this number.
+    f.write(".o.png.4194305-0.partial", "half of a picture");
+    std::fs::create_dir(f.path(".frames.4194305-1.partial")).unwrap();
+    f.write(".own.partial", "somebody's");
+    f.run("render s.obj --size 32 -o o.png").succeeds();
+    let left: Vec<String> = f.names().into_iter().filter(|n| n.ends_with(".partial")).collect();
+    assert_eq!(left, [".own.partial"]);
+}
+
+#[test]
+fn confined_commands_read_beside_and_below() {
+    let f = Folder::empty();
+    std::fs::create_dir_all(f.path("in/below")).unwrap();
+    f.write("away.mtl", "newmtl a\nKd 1 0 0\n");
+    f.write("in/below/near.mtl", "newmtl b\nKd 0 1 0\n");
+    f.write("in/m.obj", "mtllib ../away.mtl\nmtllib below/near.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n");
+    let ran = f.run("render in/m.obj --size 32 -o o.png").succeeds();
+    assert!(!ran.stderr.contains("away.mtl"), "{}", ran.stderr);
+    let ran = f.run("render in/m.obj --size 32 -o o.png --confine").succeeds();
+    assert!(ran.stderr.contains("../away.mtl lies outside") && !ran.stderr.contains("near.mtl"), "{}", ran.stderr);
+    f.write("in/g.gltf", r#"{"asset": {"version": "2.0"}, "buffers": [{"uri": "../away.mtl", "byteLength": 8}]}"#);
+    f.run("render in/g.gltf -o o.png --confine").fails(1, &["away.mtl", "outside", "--confine"]);
+}
+
+#[test]
+fn what_cannot_fit_is_refused_with_the_number() {
+    let f = Folder::spheres();
+    // A field through as many pairs is a dense system.
+    f.anchors("many.json", 3000, |p| p);
+    for method in ["field", "rbf"] {
+        let ran = f.run(&format!(
+            "map --source s.obj --target t.obj --anchors many.json --method {method} --memory 100M -o m.csv"
+        ));
+        ran.fails(1, &["3000 pairs", "bytes", "--memory"]);
+    }
+    f.write(
+        "cage.json",
+        r#"{"source": [[0, 0], [128, 0], [128, 128], [0, 128]], "target": [[0, 0], [100, 0], [128, 128], [0, 128]]}"#,
+    );
+    let ran = f.run("warp s.png --cage cage.json --partition uniform:1000000 --memory 512M -o w.png");
+    ran.fails(1, &["1000000 steps", "bytes", "--memory"]);
+    f.run("warp s.png --cage cage.json --partition uniform:10 -o w.png").succeeds();
+    f.run("morph s.obj s.obj --frames 100000 -o frames").fails(2, &["--frames", "10000"]);
+    f.run("morph s.obj s.obj --frames 10000 --memory 10M -o m.glb").fails(1, &["10000 frames", "bytes"]);
+}
+
+#[test]
+fn a_primitive_that_is_repeated_is_counted_before_it_is_read() {
+    let f = Folder::empty();
+    // 1000 vertices, shown by 20,000 primitives.
+    let positions: Vec<u8> = (0..3000).flat_map(|k| ((k * k % 97) as f32).to_le_bytes()).collect();
+    std::fs::write(f.path("p.bin"), &positions).unwrap();
+    let primitives = vec![r#"{"attributes": {"POSITION": 0}}"#; 20_000].join(",");
+    f.write(
+        "g.gltf",
+        &format!(
+            r#"{{"asset": {{"version": "2.0"}}, "scene": 0, "scenes": [{{"nodes": [0]}}], "nodes": [{{"mesh": 0}}],
+            "meshes": [{{"primitives": [{primitives}]}}], "buffers": [{{"uri": "p.bin", "byteLength": {}}}],
+            "bufferViews": [{{"buffer": 0, "byteLength": {}}}],
+            "accessors": [{{"bufferView": 0, "componentType": 5126, "count": 1000, "type": "VEC3", "min": [0, 0, 0], "max": [96, 96, 96]}}]}}"#,
+            positions.len(),
+            positions.len()
+        ),
+    );
+    let ran = f.run("render g.gltf --memory 250M -o r.png").fails(1, &["g.gltf", "repeat", "bytes", "--memory"]);
+    // The file, its text as a tree, and the program.
+    assert!(ran.peak_memory.is_none_or(|bytes| bytes < 300 << 20), "{:?}", ran.peak_memory);
+}

@@ -16,6 +16,7 @@ mod gltf;
 #[path = "../common/gltf_validator.rs"]
 mod gltf_validator;
 mod kinds;
+mod look;
 mod machine;
 mod map;
 mod materials;
@@ -34,3 +35,4 @@ mod unwrap;
 mod up;
 mod warp;
 mod welding;
+mod words;

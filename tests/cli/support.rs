@@ -42,12 +42,18 @@ impl Ran {
     /// The run ended with `code` and one paragraph on stderr that holds each of `words`.
     #[track_caller]
     pub(crate) fn fails(self, code: i32, words: &[&str]) -> Self {
+        self.fails_like(code, words);
+        self
+    }
+
+    /// As [`Ran::fails`].
+    #[track_caller]
+    pub(crate) fn fails_like(&self, code: i32, words: &[&str]) {
         assert_eq!(self.code, Some(code), "{}\n{}", self.stdout, self.stderr);
         let message = self.message();
         for word in words {
             assert!(message.contains(word), "{word:?} is not in: {message}");
         }
-        self
     }
 
     /// The error, which is one paragraph and ends the output.

@@ -12,13 +12,15 @@ use crate::cli::layer_kinds::LayerKinds;
 use crate::cli::method::{MethodArguments, prepare};
 use crate::cli::pictures::Quality;
 use crate::cli::unwrap::{Charts, Shown};
+use crate::cli::verdict::Verdict;
 use crate::desk::{Names, Textures, Writer, textures};
 use crate::geometry::Topology;
 use crate::io::{TextureName, finite};
 use crate::surface::{AnchorPairs, IdentityMap, PointMap};
 use crate::tools::point_cloud::{is_cloud, triangles_of_points};
 use crate::tools::transfer::{
-    Encoding, Fill, Filter, Layer, Pyramids, TransferOptions, TransferOutput, TransferStats, transfer_with,
+    Encoding, Fill, Filter, Layer, Pyramids, TransferOptions, TransferOutput, TransferStats, check_beforehand,
+    transfer_with,
 };
 use crate::tools::vertex_map::{VertexMap, vertex_map};
 use crate::{Error, Result};
@@ -52,6 +54,9 @@ pub(crate) struct Arguments {
     kinds: LayerKinds,
     #[command(flatten)]
     look: Look,
+    /// End with exit code 3 if the result is not usable
+    #[arg(long)]
+    strict: bool,
     #[command(flatten)]
     quality: Quality,
     #[command(flatten)]
@@ -187,10 +192,12 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         }
     }
     add(&mut report, &charts);
+    let verdict = verdict(&result, &report);
+    report["verdict"] = verdict.describe();
     session.write_report(&report)?;
     let first = arguments.output.first().map(PathBuf::from).or_else(|| arguments.look.model.clone());
     summary(&session, &first.unwrap_or_default(), &result, &report);
-    Ok(())
+    verdict.tell(&session, arguments.strict, "Add pairs where it is wrong: barymap anchors --suggest names places")
 }
 
 /// The source; triangles among the nearest of its points where the file has coloured points and no
@@ -277,6 +284,9 @@ impl<'p> Job<'_, 'p> {
         let roles: Vec<&str> = self.layers.iter().map(|l| l.role.as_str()).collect();
         let parts = names.parts(&target.mesh, &|text| session.warn(text))?;
         names.check(&parts, &roles, &target.mesh)?;
+        let layers: Vec<Layer<'p>> = self.layers.iter().map(|t| self.layer(t)).collect();
+        let options = self.look.options(session.common.memory);
+        check_beforehand(&source.mesh, &layers, &target.mesh, &options)?;
         let method = self.method;
         let map: Box<dyn PointMap + Send> = if IdentityMap::fits(&source.mesh, &target.mesh, self.anchors) {
             session.warn("source and target are the same surface with the same anchors: every point stays where it is");
@@ -287,13 +297,12 @@ impl<'p> Job<'_, 'p> {
         };
         let vertices = vertex_map((&source.mesh, &source.topology), (&target.mesh, &target.topology), map.as_ref())?;
         session.watch.lap("vertices");
-        let layers: Vec<Layer<'p>> = self.layers.iter().map(|t| self.layer(t)).collect();
         let mut writer = Writer::default();
         let mut skins = Vec::new();
         let mut result: Option<TransferOutput> = None;
         for part in &parts {
             let (material, region) = (part.material, part.region());
-            let options = TransferOptions { material, region, ..self.look.options(session.common.memory) };
+            let options = TransferOptions { material, region, ..options.clone() };
             let (from, to, progress) = (&source.mesh, &target.mesh, session.progress());
             let mut output = transfer_with(self.pyramids, from, &layers, to, map.as_ref(), &options, progress)?;
             session.watch.lap("transfer");
@@ -424,6 +433,24 @@ impl<'p> Job<'_, 'p> {
             session.warn(&format!("glTF has no place for {}: not in the model", left_out.join(", ")));
         }
     }
+}
+
+/// What the result is worth. A pair of shapes that differ leaves some parts doubtful, which is worth
+/// a look; where half of the target shows nothing that can be trusted, nobody would use it.
+fn verdict(result: &TransferOutput, report: &serde_json::Value) -> Verdict {
+    let s = &result.stats;
+    let mut verdict = Verdict::default();
+    verdict.share(1.0 - s.valid_fraction, 0.05, 0.5, "of the covered area cannot be trusted (--coverage shows where)");
+    if let Some(flipped) = report["flipped_area"].as_f64() {
+        verdict.share(flipped, 0.01, 0.25, "of the target is turned over");
+    }
+    let covered = s.covered.max(1) as f64;
+    verdict.share(s.overlapping as f64 / covered, 0.01, 1.0, "of the texels belong to several triangles");
+    verdict.share(s.colorless.saturating_sub(s.filled) as f64 / covered, 0.05, 0.5, "of the texels have no colour");
+    if s.covered == 0 {
+        verdict.unusable.push("nothing of the target is covered".to_owned());
+    }
+    verdict
 }
 
 /// What the user is told at the end.

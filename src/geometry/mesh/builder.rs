@@ -48,6 +48,7 @@ impl MeshBuilder {
         builder.mesh.materials.clone_from(&mesh.materials);
         builder.mesh.groups.clone_from(&mesh.groups);
         builder.mesh.spellings.clone_from(&mesh.spellings);
+        builder.mesh.libraries.clone_from(&mesh.libraries);
         builder
     }
 

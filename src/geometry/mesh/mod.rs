@@ -5,6 +5,7 @@ mod builder;
 mod file;
 
 use std::collections::{BTreeMap, HashMap};
+use std::path::PathBuf;
 
 use glam::{DVec2, DVec3};
 
@@ -59,6 +60,9 @@ pub struct Mesh {
     pub colors: Vec<[f32; 4]>,
     /// Names of groups and materials whose bytes in the file are not UTF-8, with those bytes.
     pub spellings: BTreeMap<String, Vec<u8>>,
+    /// Material libraries that it was read with, in the order in which the file names them.
+    #[doc(hidden)]
+    pub libraries: Vec<PathBuf>,
     /// With vertices joined: every vertex is the one that stands for it.
     corners: Vec<Corner>,
     /// The vertex of each corner as the file has it; empty where no vertices are joined.

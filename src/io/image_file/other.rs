@@ -22,7 +22,7 @@ pub(super) fn read(bytes: &[u8], format: ImageFormat, most: u64) -> Result<Decod
     let failed = |e: image::ImageError| format!("the picture cannot be read: {e}");
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
     let mut limits = Limits::default();
-    limits.max_alloc = Some(LARGEST);
+    limits.max_alloc = Some(if format == ImageFormat::Png { png::beside_pixels(bytes) } else { LARGEST });
     reader.limits(limits);
     let mut decoder = reader.into_decoder().map_err(failed)?;
     let (width, height) = decoder.dimensions();
@@ -43,6 +43,9 @@ pub(super) fn read(bytes: &[u8], format: ImageFormat, most: u64) -> Result<Decod
             let (found, animated) = png::read(bytes);
             metadata = found;
             notes.extend(animated.then(first_frame));
+            if png::has_profile(bytes) && decoder.icc_profile().ok().flatten().is_none() {
+                notes.push("its colour profile is damaged, or far too large, and passed over".into());
+            }
         }
         ImageFormat::Gif => notes.extend(is_animated(GifDecoder::new(Cursor::new(bytes))).then(first_frame)),
         ImageFormat::WebP => {

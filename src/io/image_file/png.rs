@@ -13,7 +13,7 @@ const TEXTS: [&[u8; 4]; 3] = [b"tEXt", b"zTXt", b"iTXt"];
 const XMP: &[u8] = b"XML:com.adobe.xmp\0";
 
 /// Names and contents of the chunks.
-fn chunks(bytes: &[u8]) -> Vec<([u8; 4], &[u8])> {
+pub(super) fn chunks(bytes: &[u8]) -> Vec<([u8; 4], &[u8])> {
     let mut list = Vec::new();
     let mut at = 8;
     while let Some(head) = bytes.get(at..at + 8) {
@@ -23,6 +23,21 @@ fn chunks(bytes: &[u8]) -> Vec<([u8; 4], &[u8])> {
         at += 12 + length;
     }
     list
+}
+
+/// Most bytes of a profile: those of printers have a few millions.
+const PROFILE: u64 = 32 << 20;
+
+/// Bytes that a decoder may take beside the pixels: two rows, and a profile. A profile is packed,
+/// and a small file could ask for gigabytes.
+pub(super) fn beside_pixels(bytes: &[u8]) -> u64 {
+    let width = bytes.get(16..20).and_then(|b| b.try_into().ok()).map_or(0, u32::from_be_bytes);
+    PROFILE + 64 * u64::from(width)
+}
+
+/// Whether there is a profile, readable or not.
+pub(super) fn has_profile(bytes: &[u8]) -> bool {
+    chunks(bytes).iter().any(|(name, _)| name == b"iCCP")
 }
 
 /// What the chunks say of the picture, but for profile, EXIF and XMP data; whether they animate it.

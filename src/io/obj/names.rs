@@ -72,6 +72,10 @@ impl Names {
                 let name = String::from_utf8_lossy(&name);
                 notes.say(format!("material library {name}: taken from {}", path.display()));
             }
+            if let Located::Outside(_) = &found {
+                notes.outside("material library", &String::from_utf8_lossy(&name));
+                continue;
+            }
             let path = found.into_path();
             if let Some(&known) = self.library_index.get(&path) {
                 statement.push(known);
@@ -123,6 +127,9 @@ impl Names {
         }
         let mut place: HashMap<Entry, u32> = HashMap::new();
         let mut of_name: HashMap<Vec<u8>, u32> = HashMap::new();
+        let mut files: Vec<(&PathBuf, &usize)> = self.library_index.iter().collect();
+        files.sort_by_key(|f| f.1);
+        builder.mesh.libraries = files.into_iter().map(|f| f.0.clone()).collect();
         let materials = &mut builder.mesh.materials;
         for (l, library) in self.libraries.iter().enumerate() {
             for (k, entry) in library.iter().enumerate() {
@@ -161,10 +168,14 @@ impl Names {
     }
 }
 
-/// Whether two definitions say the same beside their name.
+/// Whether two definitions say the same beside their name and comments.
 fn same_look(a: &Material, b: &Material) -> bool {
-    let b = Material { name: a.name.clone(), ..b.clone() };
-    *a == b
+    let plain = |m: &Material| {
+        let mut m = Material { name: String::new(), ..m.clone() };
+        m.statements.retain(|s| !s.text.starts_with(b"#"));
+        m
+    };
+    plain(a) == plain(b)
 }
 
 /// A name without the quotation marks around it and the comment behind it.

@@ -13,6 +13,7 @@ use super::samples::{EdgeSamples, Raster, contains, on_edge};
 use super::step::{Coordinates, Step};
 use super::sweep::{SweepPoints, SweepStep};
 use super::{Frame, Minimum, MinimumKind, SampleOptions};
+use crate::control;
 use crate::engine::{Backend, Engine, LaneScalar, Lanes};
 use crate::error::{Error, Result};
 use crate::geometry::Polygon;
@@ -69,6 +70,23 @@ pub fn jacobian_min(
     for (from, to) in pairs {
         check(coordinates, from, to)?;
     }
+    let mut minima = Vec::with_capacity(pairs.len());
+    for pairs in pairs.chunks(STEPS_AT_ONCE) {
+        control::check()?;
+        minima.extend(minima_of(engine, coordinates, pairs, options)?);
+    }
+    Ok(minima)
+}
+
+/// Steps whose samples are in memory together: of a partition of very many, a part.
+const STEPS_AT_ONCE: usize = 1024;
+
+fn minima_of(
+    engine: &Engine,
+    coordinates: Coordinates,
+    pairs: &[(Polygon, Polygon)],
+    options: &SampleOptions,
+) -> Result<Vec<Minimum>> {
     let steps: Vec<(Step<f64>, Raster)> = pairs
         .par_iter()
         .map(|(from, to)| {

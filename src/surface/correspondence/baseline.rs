@@ -40,6 +40,11 @@ pub(crate) struct Similarity {
     pub(crate) to: DVec3,
 }
 
+/// Bytes of `copies` dense square systems of `n` unknowns.
+pub(crate) fn dense_bytes(n: u64, copies: u64) -> u64 {
+    n.saturating_mul(n).saturating_mul(copies * size_of::<f64>() as u64)
+}
+
 /// A map of space.
 #[derive(Debug)]
 pub(crate) enum Warp {
@@ -197,6 +202,9 @@ impl Similarity {
 /// Directions that they span by less than [`RANK`] count as none: those of a tilted plane are
 /// rounding.
 fn radial(from: &[DVec3], to: &[DVec3]) -> Result<Warp> {
+    control::require(dense_bytes(from.len() as u64 + 4, 2), || {
+        format!("the radial basis functions of {} pairs", from.len())
+    })?;
     let origin = mean(from);
     let extent = spread(from, origin);
     let unit = if extent > 0.0 { extent } else { 1.0 };

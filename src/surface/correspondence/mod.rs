@@ -11,7 +11,7 @@ mod weighted;
 
 #[doc(hidden)]
 pub use baseline::Baseline;
-pub(crate) use baseline::Warp;
+pub(crate) use baseline::{Warp, dense_bytes};
 pub(crate) use checked::DOUBT;
 #[doc(hidden)]
 pub use confidence::{Evidence, Trust, Vouching};

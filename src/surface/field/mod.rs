@@ -40,9 +40,9 @@ use crate::engine::Real;
 use crate::error::{Error, Result};
 use crate::geometry::{NONE, SurfacePoint};
 use crate::surface::anchors::AnchorPairs;
-use crate::surface::correspondence::Warp;
 use crate::surface::correspondence::drift::spread_drift;
 use crate::surface::correspondence::{Evidence, Shape, Trust, Vouching, check_faces};
+use crate::surface::correspondence::{Warp, dense_bytes};
 use crate::surface::project::{Found, Projection};
 use crate::surface::vector::{Vector, cast, combine};
 use crate::surface::{NearestVertex, PackedImage, PackedPoint, PhongSurface, PointMap};
@@ -200,6 +200,9 @@ impl<S: Real, const K: usize> Field<S, K> {
         // The place in space comes after the embedding, and one zero.
         const { assert!(K == D + 4) };
         let FieldPair { shapes, from, to } = pair;
+        // The kernel, the system with its polynomials, its factors and its inverse.
+        let system = dense_bytes(anchors.target.len() as u64 + K as u64 + 1, 4);
+        control::require(system, || format!("the field of {} pairs", anchors.target.len()))?;
         let known = pair.known(anchors);
         let judges = known.judges();
         control::check()?;

@@ -11,6 +11,8 @@ use crate::encoding::Similarity;
 use crate::error::{Error, Result};
 use crate::geometry::Mesh;
 use crate::geometry::off_mesh::{ELSEWHERE, FARTHEST, lies_off};
+use crate::io::AnchorSpec;
+use crate::io::handles::vertex_at;
 use crate::io::markers::MarkerPlace;
 use crate::io::motion::Motion;
 
@@ -70,6 +72,11 @@ impl Binding {
             let vertices = match place {
                 MarkerPlace::Vertices(list) => list.clone(),
                 MarkerPlace::Position(p) => vec![nearest_vertex(mesh, name, *p)?],
+                MarkerPlace::Face(face, barycentric) => {
+                    let spec = AnchorSpec::Face { face: *face, barycentric: *barycentric };
+                    let wrong = |what| Error::input(format!("marker {name}: {what} (mesh {})", mesh.name), ELSEWHERE);
+                    vec![vertex_at(&spec, mesh).map_err(wrong)?.0]
+                }
             };
             let from = reference_point(motion, reference, point)?;
             let mut mean = DVec3::ZERO;

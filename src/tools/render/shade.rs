@@ -172,7 +172,9 @@ impl<'a> Shader<'a> {
         // must not be computed.
         let heights = if self.options.wireframe {
             let area = (flat[1] - flat[0]).perp_dot(flat[2] - flat[0]).abs();
-            [0, 1, 2].map(|k| area / flat[(k + 1) % 3].distance(flat[(k + 2) % 3]))
+            let drawn = outer_edges(self.mesh, t as usize);
+            let height = |k: usize| area / flat[(k + 1) % 3].distance(flat[(k + 2) % 3]);
+            [0, 1, 2].map(|k| if drawn[k] { height(k) } else { f64::INFINITY })
         } else {
             [0.0; 3]
         };
@@ -248,6 +250,21 @@ impl<'a> Shader<'a> {
         let lit = color * strength as f32 + Vec3::splat(gloss as f32);
         if front { lit } else { lit * 0.35 }
     }
+}
+
+/// Which sides of a triangle are sides of its polygon, by the corner opposite; the others are
+/// diagonals. All of a piece that was cut off along another face's vertices.
+fn outer_edges(mesh: &Mesh, t: usize) -> [bool; 3] {
+    let polygon = mesh.polygon(mesh.triangle_polygon(t) as usize);
+    if polygon.len() <= 3 || t >= mesh.file_triangle_count() {
+        return [true; 3];
+    }
+    let corners = mesh.triangle(t);
+    let side = |a: u32, b: u32| {
+        let next = |i: usize| polygon[(i + 1) % polygon.len()].vertex;
+        (0..polygon.len()).any(|i| matches!((polygon[i].vertex, next(i)), p if p == (a, b) || p == (b, a)))
+    };
+    [0, 1, 2].map(|k| side(corners[(k + 1) % 3], corners[(k + 2) % 3]))
 }
 
 /// What the samples of a triangle share.

@@ -64,6 +64,8 @@ pub use layer::Layer;
 pub use live::{Followed, LiveTransfer};
 pub use mip::{Alpha, Encoding};
 #[doc(hidden)]
+#[doc(hidden)]
+pub use plan::check_beforehand;
 pub use plan::memory_needed;
 pub use pyramids::Pyramids;
 #[doc(hidden)]

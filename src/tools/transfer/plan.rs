@@ -74,6 +74,25 @@ pub fn memory_needed(source: &Mesh, layers: &[Layer<'_>], target: &Mesh, options
     fixed(source, layers, target, options) + (1 + HALO) * row(options) + least_bins(target)
 }
 
+/// Fails where [`super::transfer`] would for options, pictures and meshes that do not fit, or for
+/// what takes more than `options.memory`: before a map is made.
+///
+/// # Errors
+/// As [`super::transfer`].
+pub fn check_beforehand(source: &Mesh, layers: &[Layer<'_>], target: &Mesh, options: &TransferOptions) -> Result<()> {
+    super::driver::check(source, layers, target, options)?;
+    within(memory_needed(source, layers, target, options), options)
+}
+
+/// Fails if a transfer takes more than is allowed.
+fn within(required: u64, options: &TransferOptions) -> Result<()> {
+    if required <= options.memory {
+        return Ok(());
+    }
+    let what = format!("a transfer to {} x {} texels", options.width, options.height);
+    Err(Error::Memory { what, required, allowed: options.memory })
+}
+
 /// Every triangle in at least a few bins of one band.
 fn least_bins(target: &Mesh) -> u64 {
     (target.triangle_count() as u64 * 2 + 1024) * BIN_ENTRY
@@ -89,13 +108,7 @@ impl Plan {
     ) -> Result<Self> {
         let device = stages.bytes(target, layers, options);
         let needed = memory_needed(source, layers, target, options) + device;
-        if needed > options.memory {
-            return Err(Error::Memory {
-                what: format!("a transfer to {} x {} texels", options.width, options.height),
-                required: needed,
-                allowed: options.memory,
-            });
-        }
+        within(needed, options)?;
         let base = fixed(source, layers, target, options) + least_bins(target) + device;
         let row = row(options);
         let band = LARGEST_BAND.div_ceil(u64::from(options.width)).clamp(1, u64::from(options.height));

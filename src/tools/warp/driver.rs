@@ -126,13 +126,7 @@ pub fn warp_picture(
     options: &WarpOptions,
     progress: &dyn Progress,
 ) -> Result<WarpOutput> {
-    let [width, height] = options.canvas.unwrap_or([image.width, image.height]);
-    for (name, side) in [("width", width), ("height", height)] {
-        if side == 0 || side > LARGEST_SIDE {
-            return Err(Error::option("canvas", format!("{name} {side}"), format!("Give 1 to {LARGEST_SIDE}")));
-        }
-    }
-    let memory = check_memory(image, [width, height], options)?;
+    let ([width, height], memory) = prepared(image, options)?;
     let mut watch = Stopwatch::on(engine);
     let pyramid = Pyramid::new(image, options.encoding)?;
     watch.lap("pyramid");
@@ -148,15 +142,13 @@ pub fn warp_picture(
     (stats.evaluations.squares, stats.evaluations.single) = (evaluated.exact as u64, evaluated.cheap as u64);
     let mut work = Work::default();
     progress.stage("pixels", stats.pixels);
-    let rows = (BAND_PIXELS / width as usize).clamp(1, height as usize);
-    for first in (0..height as usize).step_by(rows) {
+    for band in bands(width, height) {
         control::check()?;
-        let band = Band { first, rows: rows.min(height as usize - first), width: width as usize };
         sight.preimages(band, squares.as_ref(), &mut work, &mut stats)?;
         watch.lap("preimages");
         if let Some(jacobian) = &mut jacobian {
             for y in 0..band.rows {
-                let row = &mut jacobian[(first + y) * band.width..][..band.width];
+                let row = &mut jacobian[(band.first + y) * band.width..][..band.width];
                 row.iter_mut().enumerate().for_each(|(x, j)| *j = work.jacobian[band.index(x, y)]);
             }
         }
@@ -166,6 +158,27 @@ pub fn warp_picture(
     }
     stats.stages = watch.stages().to_vec();
     Ok(WarpOutput { image: out, jacobian, stats })
+}
+
+/// The size of the canvas, and the bytes that the work takes.
+///
+/// # Errors
+/// [`Error::Option`] for a canvas without pixels or too large; [`Error::Memory`].
+pub(super) fn prepared(image: &Image, options: &WarpOptions) -> Result<([u32; 2], u64)> {
+    let canvas = options.canvas.unwrap_or([image.width, image.height]);
+    for (name, side) in ["width", "height"].into_iter().zip(canvas) {
+        if side == 0 || side > LARGEST_SIDE {
+            return Err(Error::option("canvas", format!("{name} {side}"), format!("Give 1 to {LARGEST_SIDE}")));
+        }
+    }
+    Ok((canvas, check_memory(image, canvas, options)?))
+}
+
+/// The bands of a canvas from the top down.
+pub(super) fn bands(width: u32, height: u32) -> impl Iterator<Item = Band> {
+    let (width, height) = (width as usize, height as usize);
+    let rows = (BAND_PIXELS / width).clamp(1, height);
+    (0..height).step_by(rows).map(move |first| Band { first, rows: rows.min(height - first), width })
 }
 
 /// Buffers of a band, kept to be reused.

@@ -17,6 +17,7 @@ pub mod draw;
 #[doc(hidden)]
 pub mod ewa;
 #[doc(hidden)]
+pub mod feather;
 pub mod footprint;
 pub mod frames;
 #[doc(hidden)]
@@ -27,6 +28,7 @@ pub mod outline;
 pub mod pictures;
 pub mod placement;
 pub mod preview;
+pub mod projective;
 #[doc(hidden)]
 pub mod pyramid;
 #[doc(hidden)]

@@ -36,6 +36,13 @@ impl Placement {
         Self { scale, offset: middle - size * 0.5 * scale }
     }
 
+    /// The same place for a picture of a part of this one: that from its pixel `corner` on, at
+    /// `factor` times the resolution.
+    #[must_use]
+    pub fn part(self, corner: DVec2, factor: f64) -> Self {
+        Self { scale: self.scale / factor, offset: self.offset + corner * self.scale }
+    }
+
     /// From pixels.
     pub fn to_units(&self, p: DVec2) -> DVec2 {
         p * self.scale + self.offset
@@ -74,6 +81,15 @@ mod tests {
             for placement in [unit, Placement::pixels(), Placement::upward(50, 120)] {
                 assert!(placement.to_pixels(placement.to_units(p)).distance(p) < 1e-9);
             }
+        }
+    }
+
+    #[test]
+    fn a_part_shows_what_is_there() {
+        let (whole, corner) = (Placement::upward(50, 120), DVec2::new(20.0, 30.0));
+        let part = whole.part(corner, 0.25);
+        for p in [DVec2::ZERO, DVec2::new(3.5, 7.0)] {
+            assert!(part.to_units(p).distance(whole.to_units(corner + p * 4.0)) < 1e-12);
         }
     }
 

@@ -104,7 +104,7 @@ impl Preview {
     fn color(&self, p: DVec2) -> [u8; 4] {
         // The centre of texel (0, 0) of the bordered picture is at (-1/2, -1/2).
         let size = self.size.as_dvec2();
-        let fixed = |v: f64, size: f64| (((v + 0.5).clamp(0.0, size + 1.0) * 256.0 + 0.5) as u32);
+        let fixed = |v: f64, size: f64| ((v + 0.5).clamp(0.0, size + 1.0) * 256.0 + 0.5) as u32;
         let (x, y) = (fixed(p.x, size.x).min(256 * self.size.x + 255), fixed(p.y, size.y).min(256 * self.size.y + 255));
         let stride = self.size.x as usize + 2;
         let at = (y >> 8) as usize * stride + (x >> 8) as usize;

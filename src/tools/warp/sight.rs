@@ -52,10 +52,10 @@ impl Squares {
 
 /// A pre-image, with how it moves when the pixel moves one to the right and one down.
 #[derive(Clone, Copy)]
-struct Look {
-    at: DVec2,
-    dx: DVec2,
-    dy: DVec2,
+pub(super) struct Look {
+    pub(super) at: DVec2,
+    pub(super) dx: DVec2,
+    pub(super) dy: DVec2,
 }
 
 fn size(of: [u32; 2]) -> DVec2 {
@@ -164,7 +164,7 @@ impl Sight<'_> {
                 let share = if work.cover.is_empty() { 1.0 } else { work.cover[i] };
                 if let Some(look) = look(i) {
                     mapped += 1;
-                    setter.set(k, self.footprint(&look, base, share));
+                    setter.set(k, footprint(self.picture, &look, base, share));
                 }
                 empty += u64::from(setter.cover[k] == 0.0 && share > 0.0);
             }
@@ -252,29 +252,29 @@ impl Sight<'_> {
         let slope = |d: [f32; 2]| leaf.half() * DVec2::from(d.map(f64::from));
         Look { at: leaf.point(solved.at), dx: slope(solved.dx), dy: slope(solved.dy) }
     }
+}
 
-    /// Where a pixel looks, with its share in the result.
-    #[inline(always)]
-    fn footprint(&self, look: &Look, base: DVec2, cover: f32) -> Footprint {
-        let Look { at, dx, dy } = *look;
-        // How much of the pixel sees the picture, from the distance to its sides in output pixels:
-        // no jagged borders. Where the cage ends with the picture, both say the same about the same
-        // border.
-        let side = |p: f64, n: f64, dx: f64, dy: f64| {
-            // Far from both sides the length of the gradient does not matter.
-            let most = 0.5 * (dx.abs() + dy.abs());
-            if p >= most && n - p >= most {
-                return 1.0;
-            }
-            let gradient = dx.hypot(dy).max(1e-9);
-            (0.5 + p / gradient).clamp(0.0, 1.0) * (0.5 + (n - p) / gradient).clamp(0.0, 1.0)
-        };
-        let size = size(self.picture);
-        let seen = side(at.x, size.x, dx.x, dy.x) * side(at.y, size.y, dx.y, dy.y);
-        if !(at.is_finite() && dx.is_finite() && dy.is_finite() && seen > 0.0) {
-            return Footprint::default();
+/// Where a pixel of a picture of this size looks, with its share in the result.
+#[inline(always)]
+pub(super) fn footprint(picture: [u32; 2], look: &Look, base: DVec2, cover: f32) -> Footprint {
+    let Look { at, dx, dy } = *look;
+    // How much of the pixel sees the picture, from the distance to its sides in output pixels:
+    // no jagged borders. Where the cage ends with the picture, both say the same about the same
+    // border.
+    let side = |p: f64, n: f64, dx: f64, dy: f64| {
+        // Far from both sides the length of the gradient does not matter.
+        let most = 0.5 * (dx.abs() + dy.abs());
+        if p >= most && n - p >= most {
+            return 1.0;
         }
-        let single = |v: DVec2| v.as_vec2().to_array();
-        Footprint { at: single(at - base), dx: single(dx), dy: single(dy), cover: cover.min(seen as f32) }
+        let gradient = dx.hypot(dy).max(1e-9);
+        (0.5 + p / gradient).clamp(0.0, 1.0) * (0.5 + (n - p) / gradient).clamp(0.0, 1.0)
+    };
+    let size = size(picture);
+    let seen = side(at.x, size.x, dx.x, dy.x) * side(at.y, size.y, dx.y, dy.y);
+    if !(at.is_finite() && dx.is_finite() && dy.is_finite() && seen > 0.0) {
+        return Footprint::default();
     }
+    let single = |v: DVec2| v.as_vec2().to_array();
+    Footprint { at: single(at - base), dx: single(dx), dy: single(dy), cover: cover.min(seen as f32) }
 }

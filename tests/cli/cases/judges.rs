@@ -7,7 +7,7 @@ use barymap::picture::Image;
 use glam::{DMat4, DVec3};
 use serde_json::Value;
 
-use super::{BORDER, Case, unlike};
+use super::{BORDER, Case, named, unlike};
 
 /// A judge.
 type Judge = fn(&Case);
@@ -28,11 +28,14 @@ pub(super) const JUDGES: &[(&str, Judge)] = &[
     ("glb-model-hard-edges", glb_model_hard_edges),
     ("high-valence-fan", high_valence_fan),
     ("map-bump-normal", map_bump_normal),
+    ("material-file-overwritten", named::material_file_overwritten),
     ("mtl-foreign-absolute-path", |case| assert!(case.ran.stderr.contains("note: "), "{}", case.ran.stderr)),
     ("npy-integer-labels", npy_integer_labels),
+    ("pipes", named::pipes),
     ("ply-float-255", ply_colours),
     ("ply-rgb-names", ply_colours),
     ("points-with-names", points_with_names),
+    ("report-onto-output", named::report_onto_output),
     ("rig-lost", rig_lost),
     ("tiff-gray-float", tiff_gray_float),
     ("tiff-palette", tiff_palette),

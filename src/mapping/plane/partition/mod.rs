@@ -12,6 +12,7 @@ mod tests;
 
 use std::sync::Arc;
 
+use crate::control;
 use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::geometry::Polygon;
@@ -26,6 +27,9 @@ use steps::{Found, Steps};
 /// Vertices of all polygons of a partition, at most: bounds the memory of `uniform:M` and of small
 /// `eps`.
 const MAX_VERTICES: u64 = 1 << 25;
+/// Bytes that a vertex of a polygon takes: in the partition, in the map made of it, and where steps
+/// are tried.
+const BYTES_PER_VERTEX: u64 = 256;
 /// Steps of the last path, at most, whatever `eps` is.
 const MOST_STEPS: usize = 1024;
 /// The last path may be halved down to this part of `eps`: it is slow where it passes thin parts.
@@ -336,6 +340,10 @@ fn check_options(cage: &Cage, options: &PartitionOptions) -> Result<()> {
             format!("{steps} steps of {vertices} vertices are more than {MAX_VERTICES} vertices in all"),
             "Take fewer steps or a larger eps",
         ));
+    }
+    if let PartitionKind::Uniform(_) = options.kind {
+        let bytes = (steps + 1) * vertices * BYTES_PER_VERTEX;
+        control::require(bytes, || format!("a partition of {steps} steps of {vertices} vertices"))?;
     }
     Ok(())
 }

@@ -1,0 +1,166 @@
+//! `-` and what shells make of pipes: what comes in is copied to a file before the command begins,
+//! since files are read more than once; what is to go out is written to a file first.
+
+use std::ffi::{OsStr, OsString};
+use std::fs::{self, File};
+use std::io::{self, Read, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use crate::cli::named::names_output;
+use crate::io::output_set::OutputFolder;
+use crate::{Error, Result};
+
+/// Most bytes of a stream.
+const MOST: u64 = 4 << 30;
+
+/// Whether stdout holds a result; lines for people go to stderr then.
+static STDOUT_TAKEN: AtomicBool = AtomicBool::new(false);
+
+/// Whether a result goes to stdout.
+pub(crate) fn stdout_taken() -> bool {
+    STDOUT_TAKEN.load(Ordering::Relaxed)
+}
+
+/// The files that stand for streams; they go away with it.
+#[derive(Debug, Default)]
+pub(crate) struct Streams {
+    folder: Option<OutputFolder>,
+    copied: Vec<PathBuf>,
+    /// What goes to stdout at the end.
+    output: Option<PathBuf>,
+}
+
+impl Streams {
+    /// Puts files in the place of streams: `-` as an input and as an output, which may have an
+    /// ending (`-.png`), and `/dev/stdin`, `/dev/fd/N` among inputs.
+    ///
+    /// # Errors
+    /// [`Error::Io`] for a stream that cannot be read or copied; [`Error::Option`] for two outputs
+    /// on stdout.
+    pub(crate) fn redirect(arguments: Vec<OsString>) -> Result<(Vec<OsString>, Self)> {
+        STDOUT_TAKEN.store(false, Ordering::Relaxed);
+        let mut streams = Self::default();
+        let mut redirected: Vec<OsString> = Vec::with_capacity(arguments.len());
+        for (k, argument) in arguments.iter().enumerate() {
+            let text = argument.to_string_lossy();
+            let split = text.split_once('=').filter(|(option, _)| option.starts_with("--"));
+            let (option, value) = match split {
+                Some((option, value)) => (Some(OsString::from(option)), value.to_owned()),
+                None => (k.checked_sub(1).map(|before| arguments[before].clone()), text.to_string()),
+            };
+            let written = option.as_ref().is_some_and(names_output);
+            let replaced = if k == 0 {
+                None
+            } else if written {
+                streams.output(option.as_deref().unwrap_or_default(), &value)?
+            } else {
+                streams.input(&value)?
+            };
+            redirected.push(match (replaced, split) {
+                (Some(file), Some((option, _))) => format!("{option}={file}").into(),
+                (Some(file), None) => file.into(),
+                (None, _) => argument.clone(),
+            });
+        }
+        Ok((redirected, streams))
+    }
+
+    /// What stands for an output, if that is stdout.
+    fn output(&mut self, option: &OsStr, value: &str) -> Result<Option<String>> {
+        let plain = |e: &str| !e.is_empty() && e.chars().all(|c| c.is_ascii_alphanumeric());
+        if value != "-" && !value.strip_prefix("-.").is_some_and(plain) {
+            return Ok(None);
+        }
+        let option = option.to_string_lossy();
+        if self.output.is_some() {
+            let what = "two outputs would be written to stdout";
+            return Err(Error::option(option, what, "Give the other a name"));
+        }
+        if value.eq_ignore_ascii_case("-.obj") {
+            let what = "an OBJ file refers to others beside it, and stdout has no place";
+            return Err(Error::option(option, what, "Write -.ply or -.glb, or name a file"));
+        }
+        let file = self.folder()?.join(format!("stdout{}", &value[1..]));
+        STDOUT_TAKEN.store(true, Ordering::Relaxed);
+        self.output = Some(file.clone());
+        Ok(Some(file.display().to_string()))
+    }
+
+    /// What stands for an input whose streams have been copied, if it has any.
+    fn input(&mut self, value: &str) -> Result<Option<String>> {
+        if value == "-" {
+            return Ok(Some(self.copy(Path::new("/dev/stdin"), "stdin")?));
+        }
+        if !value.contains("/dev/") && !value.contains("/proc/self/fd/") {
+            return Ok(None);
+        }
+        let mut replaced = false;
+        let mut whole = String::with_capacity(value.len());
+        for part in value.split_inclusive([',', '=']) {
+            let path = part.trim_end_matches([',', '=']);
+            if is_stream(path) {
+                let name = path.trim_start_matches('/').replace('/', "-");
+                whole.push_str(&self.copy(Path::new(path), &name)?);
+                whole.push_str(&part[path.len()..]);
+                replaced = true;
+            } else {
+                whole.push_str(part);
+            }
+        }
+        Ok(replaced.then_some(whole))
+    }
+
+    /// Copies a stream once; returns where.
+    fn copy(&mut self, stream: &Path, name: &str) -> Result<String> {
+        let place = self.folder()?.join(name);
+        if !self.copied.contains(&place) {
+            let failed = |e: io::Error| Error::io(stream, e, "Check what writes to it, or name a file");
+            let mut file = File::create_new(&place).map_err(failed)?;
+            let count = if name == "stdin" {
+                io::copy(&mut io::stdin().lock().take(MOST), &mut file)
+            } else {
+                File::open(stream).and_then(|stream| io::copy(&mut stream.take(MOST), &mut file))
+            };
+            if count.map_err(failed)? == MOST {
+                return Err(failed(io::Error::new(io::ErrorKind::FileTooLarge, "it has more than 4 GiB")));
+            }
+            self.copied.push(place.clone());
+        }
+        Ok(place.display().to_string())
+    }
+
+    fn folder(&mut self) -> Result<PathBuf> {
+        let folder = match self.folder.take() {
+            Some(folder) => folder,
+            None => OutputFolder::replace(std::env::temp_dir().join("barymap-streams"))?,
+        };
+        let path = folder.path().to_path_buf();
+        self.folder = Some(folder);
+        Ok(path)
+    }
+
+    /// Writes what goes to stdout.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; a reader that has gone is none.
+    pub(crate) fn finish(self) -> Result<()> {
+        let Some(file) = &self.output else { return Ok(()) };
+        let mut out = io::stdout().lock();
+        let sent = File::open(file).and_then(|mut f| io::copy(&mut f, &mut out)).and_then(|_| out.flush());
+        match sent {
+            Err(e) if e.kind() != io::ErrorKind::BrokenPipe => {
+                Err(Error::io("stdout", e, "Check what reads it, or name a file"))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Whether a path is that of a stream of this process, and no file stands behind it.
+fn is_stream(path: &str) -> bool {
+    let number = |rest: &str| !rest.is_empty() && rest.bytes().all(|b| b.is_ascii_digit());
+    let named = path == "/dev/stdin"
+        || path.strip_prefix("/dev/fd/").or(path.strip_prefix("/proc/self/fd/")).is_some_and(number);
+    named && fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir())
+}

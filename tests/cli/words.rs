@@ -1,0 +1,119 @@
+//! What people read: help, verdicts, summaries, and names of places in their files.
+
+use crate::support::Folder;
+
+/// The commands that `--help` lists.
+fn commands(f: &Folder) -> Vec<String> {
+    let help = f.run("--help").succeeds().stdout;
+    let listed = help.lines().skip_while(|l| !l.starts_with("Commands:")).skip(1).take_while(|l| !l.is_empty());
+    let names = listed.filter(|l| l.starts_with("  ") && !l.starts_with("   "));
+    names.filter_map(|l| l.split_whitespace().next()).filter(|c| *c != "help").map(str::to_owned).collect()
+}
+
+#[test]
+fn help_has_an_example_and_keeps_common_options_apart() {
+    let f = Folder::empty();
+    let commands = commands(&f);
+    assert!(commands.len() > 20, "{commands:?}");
+    for command in commands {
+        let help = f.run(&format!("{command} --help")).succeeds().stdout;
+        let (own, common) = help.split_once("Options of every command:").unwrap_or_else(|| panic!("{help}"));
+        assert!(common.contains("--memory") && !own.contains("--memory"), "{command}");
+        assert!(common.contains(&format!("Example:\n  barymap {command}")), "{help}");
+    }
+}
+
+#[test]
+fn results_end_with_a_verdict() {
+    let f = Folder::spheres();
+    let transfer = "transfer --source s.obj --target t.obj --texture s.png --anchors a.json --backend cpu --size 64";
+    let ran = f.run(&format!("{transfer} -o o.png --report r.json --strict")).succeeds();
+    let last = ran.stdout.lines().last().unwrap();
+    let verdict = f.json("r.json")["verdict"].clone();
+    assert!(last == "good" || last.starts_with("look at the result: "), "{}", ran.stdout);
+    assert_eq!(verdict["word"] == "good", last == "good", "{verdict}");
+    // Half of the pairs say the opposite of the others.
+    let turned = std::cell::Cell::new(false);
+    f.anchors("wrong.json", 40, |p| if turned.replace(!turned.get()) { -p } else { p });
+    let wrong = transfer.replace("a.json", "wrong.json");
+    let ran = f.run(&format!("{wrong} -o w.png --report w.json")).succeeds();
+    assert!(ran.stdout.contains("not usable, because ") || ran.stdout.contains("look at the result"), "{}", ran.stdout);
+    if f.json("w.json")["verdict"]["word"] == "not usable" {
+        f.run(&format!("{wrong} -o w.png --strict")).fails(3, &["not usable"]);
+    }
+}
+
+#[test]
+fn sizes_that_cannot_be_are_refused_before_a_map_is_made() {
+    let f = Folder::spheres();
+    let transfer = "transfer --source s.obj --target t.obj --texture s.png --anchors a.json -o o.png --report r.json";
+    f.run(&format!("{transfer} --size 0")).fails(2, &["--size"]);
+    f.run(&format!("{transfer} --size 4000000")).fails(2, &["--size"]);
+    let ran = f.run(&format!("{transfer} --size 16384 --memory 200M --no-cache"));
+    ran.fails(1, &["16384 x 16384", "--memory"]);
+}
+
+#[test]
+fn attributes_name_every_file() {
+    let f = Folder::spheres();
+    let row: String =
+        (0..barymap::io::read_mesh(f.path("s.obj")).unwrap().mesh.vertex_count()).map(|v| format!("{v}\n")).collect();
+    f.write("one.csv", &format!("a\n{row}"));
+    f.write("two.csv", &format!("b\n{row}"));
+    let ran =
+        f.run("attributes --source s.obj --target t.obj --anchors a.json --attributes one.csv two.csv -o x.csv y.csv");
+    let ran = ran.succeeds();
+    assert!(ran.stdout.contains("x.csv, y.csv: "), "{}", ran.stdout);
+}
+
+#[test]
+fn handles_and_regions_are_places() {
+    let f = Folder::spheres();
+    let mesh = barymap::io::read_mesh(f.path("s.obj")).unwrap().mesh;
+    let handle = |v: usize, to: f64| {
+        let p = mesh.positions[v];
+        (p, [p.x + to, p.y, p.z])
+    };
+    let vertices = [0, 100, 150, 200, 250, 300];
+    let entry = |place: String, to: [f64; 3]| format!(r#"{{{place}, "position": {to:?}}}"#);
+    let all = |by: &dyn Fn(usize) -> String| -> String {
+        let list: Vec<String> = vertices.iter().map(|&v| entry(by(v), handle(v, 0.1).1)).collect();
+        format!(r#"{{"handles": [{}]}}"#, list.join(","))
+    };
+    f.write("v.json", &all(&|v| format!(r#""vertex": {v}"#)));
+    f.write("p.json", &all(&|v| format!(r#""at": {:?}"#, handle(v, 0.0).0.to_array())));
+    f.run("deform s.obj --handles v.json -o v.ply").succeeds();
+    f.run("deform s.obj --handles p.json -o p.ply").succeeds();
+    assert_eq!(f.bytes("v.ply"), f.bytes("p.ply"));
+    f.write("far.json", r#"{"handles": [{"at": [1000, 0, 0], "position": [0, 0, 0]}]}"#);
+    f.run("deform s.obj --handles far.json -o x.ply").fails(1, &["far.json", "handle 0"]);
+}
+
+#[test]
+fn proposed_places_have_positions() {
+    let f = Folder::spheres();
+    f.write("one.json", r#"{"anchors": [0, 100, 200]}"#);
+    let ran = f.run("check s.obj --anchors one.json --report r.json").succeeds();
+    let report = f.json("r.json");
+    let (vertex, at) = (&report["proposals"][0], &report["positions"][0]);
+    let line = format!("  {vertex} at ({:.4}, ", at[0].as_f64().unwrap());
+    assert!(ran.stdout.contains(&line), "{line}: {}", ran.stdout);
+}
+
+#[test]
+fn pictures_show_polygons_and_either_side_of_pairs() {
+    let f = Folder::spheres();
+    f.write("quad.obj", "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nf 1 2 3 4\n");
+    f.write("two.obj", "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nf 1 2 3\nf 1 3 4\n");
+    let middle = |name: &str, options: &str| {
+        f.run(&format!("render {name} --view 0,0 --size 65 {options} -o r.png")).succeeds();
+        f.image("r.png").get(32, 32, 0)
+    };
+    // The diagonal passes through the middle.
+    assert_eq!(middle("quad.obj", "--wireframe"), middle("quad.obj", ""));
+    assert!(middle("two.obj", "--wireframe") < middle("two.obj", "") - 0.1);
+    for (mesh, side) in [("s.obj", "source"), ("t.obj", "target")] {
+        f.run(&format!("render {mesh} --anchors a.json --side {side} -o r.png")).succeeds();
+    }
+    f.run("render s.obj --anchors a.json -o r.png").succeeds();
+}
