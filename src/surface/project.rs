@@ -220,7 +220,11 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
                     a
                 }
             }
-            (a, b) => a.or(b).unwrap_or_else(|| self.guess(mean, v)),
+            (a, b) => a.or(b).unwrap_or_else(|| {
+                // As near as that, the vertex is as good as a projection.
+                let found = if d <= S::of(BESIDE) { Found::Search } else { Found::Nothing };
+                self.guess(mean, v, found)
+            }),
         }
     }
 
@@ -259,12 +263,12 @@ impl<S: Real, const D: usize> PhongSurface<S, D> {
 
     /// The vertex `v` itself, as a point of its lowest triangle: the best guess where no projection
     /// was found.
-    fn guess(&self, mean: &Vector<S, D>, v: u32) -> Projection<S> {
+    fn guess(&self, mean: &Vector<S, D>, v: u32, found: Found) -> Projection<S> {
         let Some(&t) = self.fan(v).first() else {
             return Projection { face: NONE, x: centroid(), distance_squared: S::HUGE, found: Found::Nothing };
         };
         let x = self.triangles[t as usize].v.map(|w| if w == v { S::ONE } else { S::ZERO });
-        self.candidate(mean, t, x, Found::Nothing)
+        self.candidate(mean, t, x, found)
     }
 
     /// Definition 2 by brute force: Newton's method on every usable triangle, the closest root of
