@@ -189,11 +189,11 @@ fn units_of_the_picture_count_upwards() {
     let unit = json!({"units": "unit", "source": [[0, 0], [1, 0], [1, 1], [0, 1]], "target": [[0, 0], [1, 0], [0.7, 0.8], [0, 1]]});
     let pixel =
         json!({"source": [[0, 64], [64, 64], [64, 0], [0, 0]], "target": [[0, 64], [64, 64], [44.8, 12.8], [0, 0]]});
-    for (name, cage) in [("u", unit), ("p", pixel)] {
+    for (name, cage) in [("unit", unit), ("pixel", pixel)] {
         f.write("c.json", &cage.to_string());
         f.run(&format!("warp p.png --backend reference --cage c.json -o {name}.png")).succeeds();
     }
-    let (u, p) = (f.image("u.png"), f.image("p.png"));
+    let (u, p) = (f.image("unit.png"), f.image("pixel.png"));
     let worst = (0..u.pixels.len()).map(|i| (u.sample(i) - p.sample(i)).abs()).fold(0.0, f32::max);
     assert!(worst < 1.5 / 255.0, "{worst}");
 }
@@ -341,8 +341,8 @@ fn options_out_of_range() {
         ("--partition uniform:0", ["uniform:0", "uniform:M"]),
         ("--partition twice", ["twice", "binary"]),
         ("--partition uniform:4000000000", ["--partition", "vertices"]),
-        ("--canvas 0x5", ["--canvas", "width"]),
-        ("--canvas 5000000x5", ["--canvas", "width"]),
+        ("--canvas 0x5", ["--size", "width"]),
+        ("--size 5000000x5", ["--size", "width"]),
         ("--filter cubic", ["cubic", "ewa"]),
         ("-o o.psd", ["o.psd", "png"]),
         ("--heatmap h.gif", ["h.gif", "png"]),

@@ -76,7 +76,8 @@ impl Look {
             let what = format!("{x},{y},{width},{height} reaches beyond {} x {} pixels", full[0], full[1]);
             return Err(usage("--crop", &what, "Give a part of the result"));
         }
-        let side = |n: u32| (f64::from(n) * self.scale).round().max(1.0) as u32;
+        // Sides without pixels stay so, and are refused.
+        let side = |n: u32| if n == 0 { 0 } else { (f64::from(n) * self.scale).round().max(1.0) as u32 };
         let corner = DVec2::new(f64::from(x), f64::from(y));
         Ok(([side(width), side(height)], placed.part(corner, self.scale)))
     }
