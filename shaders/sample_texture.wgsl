@@ -4,7 +4,7 @@
 
 //#import lib/span
 //#import lib/shown
-//#import lib/table
+//#import lib/decoded
 //#import lib/footprint
 //#import lib/lanczos
 //#import lib/ellipse
@@ -42,41 +42,12 @@ struct TextureParams {
 // The picture of each triangle of the source, four to a texel.
 @group(0) @binding(7) var textures: texture_2d<u32>;
 
-// What the words of the picture are: 0 numbers, 1 sRGB numbers that are read as light, 2 bits of
-// floats.
-override WORDS: u32 = 0u;
-
 // How texels are weighed: 0 boxes of the chain, 1 the nearest, 2 and 3 windowed sincs of three and
 // four lobes, 4 ellipses. Reference of the latter: tools::transfer::windowed.
 override WEIGHTS: u32 = 0u;
 
-fn light_of(word: u32) -> f32 {
-    let four = texel_f32(light, word >> 2u);
-    return four[word & 3u];
-}
-
 fn base_texel(at: vec2i) -> vec4f {
-    let word = textureLoad(base, at, 0);
-    var value: vec4f;
-    if WORDS == 2u {
-        value = bitcast<vec4f>(word);
-    } else {
-        value = vec4f(word) * params.scale;
-    }
-    let alpha = select(value.w, value.y, params.channels == 2u);
-    if WORDS == 1u {
-        value = vec4f(light_of(word.x), light_of(word.y), light_of(word.z), light_of(word.w));
-    }
-    if params.opacity == 1u {
-        value *= alpha;
-    }
-    if params.channels == 2u {
-        value.y = alpha;
-    }
-    if params.channels == 4u {
-        value.w = alpha;
-    }
-    return value;
+    return decoded(light, textureLoad(base, at, 0), params.channels, params.opacity, params.scale);
 }
 
 fn level_texel(at: vec2i, level: u32) -> vec4f {

@@ -3,7 +3,7 @@
 
 //#import lib/span
 //#import lib/shown
-//#import lib/table
+//#import lib/encoded
 //#import lib/wrap
 //#import lib/runs
 
@@ -44,48 +44,10 @@ struct StoreParams {
 // Light from which on a sample is larger, four to a texel.
 @group(0) @binding(8) var steps: texture_2d<u32>;
 
-// Samples of the result: 0 of 8 bits, 1 of 16 bits, 2 floats.
-override DEPTH: u32 = 0u;
-// 1 where colours are light and samples sRGB.
-override LIGHT: u32 = 0u;
-
 // exact::NEAR.
 const NEAR: f32 = 0.00390625;
 // exact::ALIKE.
 const ALIKE: f32 = 0.015625;
-
-// The largest sample of integers.
-fn full() -> u32 {
-    return select(255u, 65535u, DEPTH == 1u);
-}
-
-// The nearest sample to a value; tools::transfer::color::Sample.
-fn sample_of(value: f32) -> u32 {
-    if DEPTH == 2u {
-        return bitcast<u32>(value);
-    }
-    let most = f32(full());
-    // What is no number is not above 0.
-    return u32(clamp(select(0.0, value * most + 0.5, value > 0.0), 0.0, most));
-}
-
-// The same of light: the number of steps below it.
-fn sample_of_light(value: f32) -> u32 {
-    if DEPTH == 2u || LIGHT == 0u {
-        return sample_of(value);
-    }
-    var low = 0u;
-    var high = full();
-    // One bit of the sample a turn.
-    for (var turn = 0u; turn < 16u && low < high; turn++) {
-        let middle = (low + high + 1u) / 2u;
-        let step = texel_f32(steps, (middle - 1u) / 4u)[(middle - 1u) % 4u];
-        let reached = value >= step;
-        low = select(low, middle, reached);
-        high = select(middle - 1u, high, reached);
-    }
-    return low;
-}
 
 // The samples of a colour, decoded and premultiplied, in the channels of the result.
 fn encoded(color: vec4f) -> vec4u {
@@ -97,17 +59,17 @@ fn encoded(color: vec4f) -> vec4u {
         scale = select(0.0, 1.0 / alpha, alpha > 0.0);
     }
     let c = rgb * scale;
-    let r = sample_of_light(c.x);
+    let r = sample_of_light(steps, c.x);
     if params.wide < 3u {
         return vec4u(r, sample_of(alpha), 0u, 0u);
     }
-    return vec4u(r, sample_of_light(c.y), sample_of_light(c.z), sample_of(alpha));
+    return vec4u(r, sample_of_light(steps, c.y), sample_of_light(steps, c.z), sample_of(alpha));
 }
 
 // The samples of a stored texel in the channels of the result; sample::widen_samples.
 fn widened(stored: vec4u) -> vec4u {
     let rgb = select(stored.xyz, stored.xxx, params.channels < 3u);
-    let most = select(full(), bitcast<u32>(1.0), DEPTH == 2u);
+    let most = sample_of_one();
     let own = select(stored.w, stored.y, params.channels == 2u);
     let alpha = select(own, most, params.channels % 2u == 1u);
     return select(vec4u(rgb, alpha), vec4u(rgb.x, alpha, 0u, 0u), params.wide < 3u);
@@ -159,16 +121,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
                 samples = widened(textureLoad(base, c.at, 0));
             }
         }
-        var packed = samples;
-        if DEPTH == 0u {
-            let four = select(vec4u(0u), samples, vec4u(0u, 1u, 2u, 3u) < vec4u(params.wide));
-            packed.x = four.x | (four.y << 8u) | (four.z << 16u) | (four.w << 24u);
-        }
-        if DEPTH == 1u {
-            let four = select(vec4u(0u), samples, vec4u(0u, 1u, 2u, 3u) < vec4u(params.wide));
-            packed.x = four.x | (four.y << 16u);
-            packed.y = four.z | (four.w << 16u);
-        }
+        let packed = packed_samples(samples, params.wide);
         let at = run_texel(runs[index >> RUN_BITS], index);
         let out = (at.y - span.place) * params.row + at.x;
         for (var k = 0u; k < params.words; k++) {
