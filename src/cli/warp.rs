@@ -156,6 +156,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     report["empty"] = json!(s.empty);
     report["failed"] = json!({"inside": s.failed_inside, "outside": s.failed_outside});
     let e = s.evaluations;
+    report["resident"] = json!(s.resident);
     report["evaluations"] = json!({
         "squares": e.squares,
         "single": e.single,

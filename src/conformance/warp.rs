@@ -14,11 +14,26 @@ pub(super) const CHECKS: &[Check] = &[
     Check { name: "warp, bilinear", measure: |engine| warp(engine, Filter::Bilinear), ..WARP },
     Check { name: "warp, Lanczos", measure: |engine| warp(engine, Filter::Lanczos), ..WARP },
     Check { name: "warp, elliptical averages", measure: |engine| warp(engine, Filter::Ewa), ..WARP },
+    // The Jacobian of every pixel is the host's, and the picture comes in windows.
+    Check {
+        name: "warp with its Jacobian",
+        kernels: &["jacobian_min", "warp_image"],
+        measure: |engine| warp_with(engine, &WarpOptions { jacobian: true, ..WarpOptions::default() }),
+        ..WARP
+    },
 ];
 
 const WARP: Check = Check {
     name: "",
-    kernels: &["map_points", "jacobian_min", "warp_image"],
+    kernels: &[
+        "jacobian_min",
+        "halve_texels",
+        "place_pixels",
+        "place_left",
+        "filter_pixels",
+        "store_pixels",
+        "count_pixels",
+    ],
     unit: "levels of 255, 999 of 1000 pixels",
     // A colour between two levels rounds either way.
     tolerance: 1.0,
@@ -43,16 +58,19 @@ fn cage() -> Result<Cage> {
 }
 
 fn warp(engine: &Engine, filter: Filter) -> Result<Outcome> {
+    warp_with(engine, &WarpOptions { filter, ..WarpOptions::default() })
+}
+
+fn warp_with(engine: &Engine, options: &WarpOptions) -> Result<Outcome> {
     let picture = picture(SIZE[0], SIZE[1])?;
     let cage = cage()?;
     let steps =
         PartitionOptions { kind: PartitionKind::Uniform(3), path: PathKind::Linear, ..PartitionOptions::default() };
-    let options = WarpOptions { filter, ..WarpOptions::default() };
     let run = |engine: &Engine| {
         timed(|| {
             let found = partition(engine, &cage, &steps, &Quiet)?;
             let map = CompositeMap::new(steps.coordinates, found.polygons)?;
-            Ok(warp_picture(engine, &picture, &map, &options, &Quiet)?.image)
+            Ok(warp_picture(engine, &picture, &map, options, &Quiet)?.image)
         })
     };
     let (found, on_cpu) = (run(engine)?, run(&Engine::cpu())?);

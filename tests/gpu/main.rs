@@ -28,6 +28,7 @@ mod transfer_sample;
 #[path = "../common/tube.rs"]
 mod tube;
 mod warp;
+mod warp_resident;
 
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};

@@ -59,8 +59,13 @@ pub use minimum::{Minimum, MinimumKind, SampleOptions};
 #[doc(hidden)]
 pub use partition::partition_with;
 pub use partition::{Partition, PartitionKind, PartitionOptions, StepReport, partition};
+#[cfg(test)]
+pub(crate) use patches::twins as patch_twins;
 #[doc(hidden)]
-pub use patches::{Evaluated, Found, Leaf, Maps, NOWHERE, Open, Patch, PatchOptions, Patches, Solved};
+pub use patches::{
+    Evaluated, Found, Leaf, Maps, NOWHERE, Open, PackedPatches, Patch, PatchOptions, PatchRecord, Patches, Solved,
+    TILE_SIDE,
+};
 #[doc(hidden)]
 pub use path::vertex_path;
 pub use path::{PathKind, VertexPath};

@@ -1,19 +1,22 @@
 //! The whole picture, band after band.
 
+use std::cell::OnceCell;
+
 use super::band::Band;
 use super::footprint::Footprints;
-use super::gpu;
+use super::gpu::pixels::{Finish, PixelCounts};
+use super::gpu::{self, resident};
 use super::placement::Placement;
 use super::pyramid::{Pyramid, Texel};
-use super::sight::Sight;
+use super::sight::{Sight, Squares};
 use super::store::{Colors, Outside, gather_and_store, store};
 use crate::control;
 use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::mapping::plane::{CompositeMap, Found};
 use crate::picture::Filter;
-use crate::picture::Image;
 use crate::progress::Progress;
+use crate::picture::Image;
 use crate::tools::stopwatch::{StageTime, Stopwatch};
 use crate::tools::transfer::Encoding;
 
@@ -87,6 +90,8 @@ pub struct WarpStats {
     pub failed_outside: u64,
     /// Pixels that the map is to colour, but that see nothing of the picture.
     pub empty: u64,
+    /// Whether picture and pixels stayed on a device from stage to stage.
+    pub resident: bool,
     /// How often the whole map was evaluated in double precision.
     pub evaluations: Evaluations,
     /// Bytes planned for.
@@ -127,37 +132,37 @@ pub fn warp_picture(
     progress: &dyn Progress,
 ) -> Result<WarpOutput> {
     let ([width, height], memory) = prepared(image, options)?;
-    let mut watch = Stopwatch::on(engine);
-    let pyramid = Pyramid::new(image, options.encoding)?;
-    watch.lap("pyramid");
-    let job = Job { engine, options, pyramid };
+    image.check("picture")?;
+    let watch = Stopwatch::on(engine);
     let sight = Sight { engine, map, options, picture: [image.width, image.height], canvas: [width, height] };
     let squares = sight.squares()?;
-    watch.lap("lattice");
     let alpha = options.outside == Outside::Transparent && !image.has_alpha();
-    let mut out = Image::zeros(width, height, image.channels + u32::from(alpha), image.depth())?;
-    let mut jacobian = options.jacobian.then(|| vec![f32::NAN; width as usize * height as usize]);
+    let out = Image::zeros(width, height, image.channels + u32::from(alpha), image.depth())?;
+    let jacobian = options.jacobian.then(|| vec![f32::NAN; width as usize * height as usize]);
     let mut stats = WarpStats { pixels: u64::from(width) * u64::from(height), memory, ..WarpStats::default() };
-    let evaluated = squares.as_ref().map(|s| s.evaluations()).unwrap_or_default();
+    let evaluated = squares.as_ref().map(Squares::evaluations).unwrap_or_default();
     (stats.evaluations.squares, stats.evaluations.single) = (evaluated.exact as u64, evaluated.cheap as u64);
-    let mut work = Work::default();
     progress.stage("pixels", stats.pixels);
-    for band in bands(width, height) {
-        control::check()?;
-        sight.preimages(band, squares.as_ref(), &mut work, &mut stats)?;
-        watch.lap("preimages");
-        if let Some(jacobian) = &mut jacobian {
-            for y in 0..band.rows {
-                let row = &mut jacobian[(band.first + y) * band.width..][..band.width];
-                row.iter_mut().enumerate().for_each(|(x, j)| *j = work.jacobian[band.index(x, y)]);
-            }
-        }
-        job.colors(band, &mut work, &mut out)?;
-        watch.lap("filter");
-        progress.advance(band.len() as u64);
+    let pyramid = OnceCell::new();
+    let mut job = Job {
+        engine,
+        image,
+        sight,
+        squares: squares.as_ref(),
+        pyramid,
+        watch,
+        work: Work::default(),
+        out,
+        jacobian,
+        stats,
+        progress,
+    };
+    job.watch.lap("lattice");
+    if !job.on_device()? {
+        job.in_bands()?;
     }
-    stats.stages = watch.stages().to_vec();
-    Ok(WarpOutput { image: out, jacobian, stats })
+    job.stats.stages = job.watch.stages().to_vec();
+    Ok(WarpOutput { image: job.out, jacobian: job.jacobian, stats: job.stats })
 }
 
 /// The size of the canvas, and the bytes that the work takes.
@@ -196,30 +201,140 @@ pub(super) struct Work {
     pub(super) bases: Vec<[i32; 2]>,
 }
 
+/// The warp of one picture.
 struct Job<'a> {
     engine: &'a Engine,
-    options: &'a WarpOptions,
-    pyramid: Pyramid<'a>,
+    image: &'a Image,
+    sight: Sight<'a>,
+    squares: Option<&'a Squares>,
+    /// Made where the host needs it.
+    pyramid: OnceCell<Pyramid<'a>>,
+    watch: Stopwatch,
+    work: Work,
+    out: Image,
+    jacobian: Option<Vec<f32>>,
+    stats: WarpStats,
+    progress: &'a dyn Progress,
 }
 
 impl Job<'_> {
+    /// All bands of `rows` rows.
+    fn bands(&self, rows: usize) -> impl Iterator<Item = Band> + use<> {
+        let [width, height] = self.sight.canvas.map(|n| n as usize);
+        (0..height).step_by(rows).map(move |first| Band { first, rows: rows.min(height - first), width })
+    }
+
+    /// The whole warp on a device from stage to stage; `false`, with nothing done, where there is
+    /// none that has all stages, or something does not fit there.
+    fn on_device(&mut self) -> Result<bool> {
+        let options = self.sight.options;
+        let device = resident::device(self.engine, options.filter);
+        let device = device.filter(|_| self.jacobian.is_none() && self.sight.suits_device());
+        let (Some(gpu), Some(squares)) = (device, self.squares) else { return Ok(false) };
+        let finish = Finish {
+            filter: options.filter,
+            encoding: options.encoding,
+            channels: self.out.channels,
+            keeps: options.outside == Outside::Keep,
+        };
+        let work = resident::Work {
+            image: self.image,
+            patches: squares.patches(),
+            canvas: self.sight.canvas,
+            caged: options.outside != Outside::Map,
+            finish,
+        };
+        let Some(mut resident) = resident::Resident::new(gpu, &work, &mut self.watch)? else { return Ok(false) };
+        self.stats.resident = true;
+        // A band with what the host did for it, which counts when the band is done.
+        let mut before: Option<(Band, WarpStats)> = None;
+        for band in self.bands(resident.rows()) {
+            control::check()?;
+            let mut own = WarpStats::default();
+            let left = self.sight.left(band, squares, &mut self.work, &mut own)?;
+            self.watch.lap("preimages");
+            let counts = resident.begin(band, &self.work.cover, &left, &mut self.out)?;
+            self.watch.lap("filter");
+            if let Some(((band, own), counts)) = before.replace((band, own)).zip(counts) {
+                self.settle(band, &own, &counts)?;
+            }
+        }
+        if let Some(((band, own), counts)) = before.zip(resident.end(&mut self.out)?) {
+            self.watch.lap("filter");
+            self.settle(band, &own, &counts)?;
+        }
+        Ok(true)
+    }
+
+    /// Takes over what became of a band on a device. Where it has pixels without a pre-image that
+    /// the host has not tried, the host does the band again.
+    fn settle(&mut self, band: Band, own: &WarpStats, counts: &PixelCounts) -> Result<()> {
+        let stats = &mut self.stats;
+        stats.evaluations.pixels += own.evaluations.pixels;
+        stats.evaluations.refined += own.evaluations.refined;
+        let tried = own.failed_inside + own.failed_outside;
+        if self.squares.is_some_and(Squares::hold_all) && counts.lost > tried {
+            return self.band(band);
+        }
+        stats.mapped += counts.mapped;
+        stats.empty += counts.empty;
+        stats.failed_inside += own.failed_inside;
+        stats.failed_outside += own.failed_outside;
+        self.progress.advance(band.len() as u64);
+        Ok(())
+    }
+
+    /// The whole warp with pre-images by the host.
+    fn in_bands(&mut self) -> Result<()> {
+        let [width, height] = self.sight.canvas;
+        for band in bands(width, height) {
+            control::check()?;
+            self.band(band)?;
+        }
+        Ok(())
+    }
+
+    /// One band with pre-images by the host.
+    fn band(&mut self, band: Band) -> Result<()> {
+        self.sight.preimages(band, self.squares, &mut self.work, &mut self.stats)?;
+        self.watch.lap("preimages");
+        if let Some(jacobian) = &mut self.jacobian {
+            for y in 0..band.rows {
+                let row = &mut jacobian[(band.first + y) * band.width..][..band.width];
+                row.iter_mut().enumerate().for_each(|(x, j)| *j = self.work.jacobian[band.index(x, y)]);
+            }
+        }
+        self.colors(band)?;
+        self.watch.lap("filter");
+        self.progress.advance(band.len() as u64);
+        Ok(())
+    }
+
     /// The colours of a band into the output, gathered on the device if the engine has one for this
     /// stage.
-    fn colors(&self, band: Band, work: &mut Work, out: &mut Image) -> Result<()> {
-        let (pyramid, filter) = (&self.pyramid, self.options.filter);
-        let Work { bases, seen, colors, cover, .. } = work;
+    fn colors(&mut self, band: Band) -> Result<()> {
+        let options = self.sight.options;
+        let pyramid = match self.pyramid.get() {
+            Some(made) => made,
+            None => {
+                let made = Pyramid::new(self.image, options.encoding)?;
+                self.watch.lap("pyramid");
+                self.pyramid.get_or_init(|| made)
+            }
+        };
+        let Work { bases, seen, colors, cover, .. } = &mut self.work;
         let seen = seen.seen();
-        let keep = (self.options.outside == Outside::Keep).then_some(cover.as_slice());
+        let keep = (options.outside == Outside::Keep).then_some(cover.as_slice());
         let pixels = Colors { band, seen, keep };
         if let Some(gpu) = self.engine.gpu_for("warp_image") {
             colors.clear();
             colors.resize(band.len(), [0.0; 4]);
-            if gpu::warp_image(gpu, pyramid, filter, band, bases, seen, colors)? {
-                store(pyramid, colors, &pixels, out);
+            if gpu::warp_image(gpu, pyramid, options.filter, band, bases, seen, colors)? {
+                store(pyramid, colors, &pixels, &mut self.out);
                 return Ok(());
             }
         }
-        gather_and_store(pyramid, filter, bases, &pixels, out);
+        gather_and_store(pyramid, options.filter, bases, &pixels, &mut self.out);
         Ok(())
     }
 }

@@ -22,6 +22,16 @@ fn top_level(side: u32) -> u32 {
     32 - (side.max(1) - 1).leading_zeros()
 }
 
+/// Levels of the pyramid of a picture, itself included; the last has one texel.
+pub(super) fn level_count(image: &Image) -> u32 {
+    top_level(image.width.max(image.height)) + 1
+}
+
+/// Texels per row, and rows, of a level.
+pub(super) fn level_size(image: &Image, level: u32) -> [u32; 2] {
+    [image.width, image.height].map(|n| ((n - 1) >> level.min(31)) + 1)
+}
+
 /// A picture at 1, 1/2, 1/4 ... of its size.
 ///
 /// Texel (i, j) of level l is the mean of the pixels with i 2^l <= x < (i + 1) 2^l, and y alike,
@@ -62,7 +72,7 @@ impl<'a> Pyramid<'a> {
     /// If the picture's sizes and samples do not fit together.
     pub fn new(image: &'a Image, encoding: Encoding) -> Result<Self> {
         image.check("picture")?;
-        let levels = top_level(image.width.max(image.height)) + 1;
+        let levels = level_count(image);
         let mut pyramid = Self { image, encoding, kept: Vec::new(), levels };
         for level in FIRST_KEPT..levels {
             let [width, height] = pyramid.size(level);
@@ -103,7 +113,7 @@ impl<'a> Pyramid<'a> {
 
     /// Texels per row, and rows, of a level.
     pub fn size(&self, level: u32) -> [u32; 2] {
-        [self.image.width, self.image.height].map(|n| ((n - 1) >> level.min(31)) + 1)
+        level_size(self.image, level)
     }
 
     /// Fills `window` with `size` texels of `level` from `origin` on.

@@ -7,6 +7,7 @@ use super::band::{Band, Place};
 use super::cover::pixel_cover;
 use super::driver::{NODES, WarpOptions, WarpStats, Work};
 use super::footprint::{Footprint, Setter};
+use super::gpu::place::{LeftRecord, PlaceRecord, UNMAPPED};
 use super::store::Outside;
 use crate::engine::{Backend, Engine};
 use crate::error::Result;
@@ -45,6 +46,16 @@ pub(super) struct Squares {
 }
 
 impl Squares {
+    pub(super) fn patches(&self) -> &Patches {
+        &self.patches
+    }
+
+    /// Whether a pixel that is to be coloured has a pre-image in some square, so that one without
+    /// is worth a search.
+    pub(super) fn hold_all(&self) -> bool {
+        !self.clipped
+    }
+
     pub(super) fn evaluations(&self) -> Evaluated {
         self.patches.evaluations
     }
@@ -86,6 +97,19 @@ impl Sight<'_> {
         mapped.into_iter().map(in_pixels).collect()
     }
 
+    /// Most error of a pre-image times the derivative there, in pixels of the result.
+    fn tolerance(&self) -> f64 {
+        let o = self.options;
+        let unit = (o.target.to_pixels(DVec2::X) - o.target.to_pixels(DVec2::ZERO)).length();
+        self.map.tolerance() * unit
+    }
+
+    /// Whether a device keeps the bound of the squares: there an image is rounded by 2^-25 of a
+    /// pixel beside what they allow for, less than a hundredth of the tolerance.
+    pub(super) fn suits_device(&self) -> bool {
+        self.tolerance() > SMALLEST
+    }
+
     /// `None` if no part of the picture matters.
     pub(super) fn squares(&self) -> Result<Option<Squares>> {
         let o = self.options;
@@ -105,8 +129,7 @@ impl Sight<'_> {
                 return Ok(None);
             }
         }
-        let unit = (o.target.to_pixels(DVec2::X) - o.target.to_pixels(DVec2::ZERO)).length();
-        let tolerance = self.map.tolerance() * unit;
+        let tolerance = self.tolerance();
         // Where no square is ever bounded the pixels still have to be done.
         let pixels = self.canvas.map(|n| n as usize).iter().product::<usize>();
         let more = if tolerance > SMALLEST { pixels / 2 } else { 0 };
@@ -131,28 +154,18 @@ impl Sight<'_> {
         stats: &mut WarpStats,
     ) -> Result<()> {
         let o = self.options;
-        work.cover = match o.outside {
-            Outside::Map => Vec::new(),
-            _ => pixel_cover(&o.target.loops(self.map.target()), band.width, band.first, band.rows),
-        };
+        work.cover = self.cover(band);
         match squares {
             Some(s) => s.patches.find(band.first, UVec2::new(band.width as u32, band.rows as u32), &mut work.found),
             None => work.found.none(band.len()),
         }
-        let finished = self.finish(band, squares, work, stats)?;
-        let leaves = squares.map_or(&[][..], |s| s.patches.leaves.as_slice());
-        let look = |i: usize| match work.found.leaf[i] {
-            NOWHERE => None,
-            leaf => Some(match leaves.get(leaf as usize) {
-                Some(leaf) => self.exact(leaf, &work.found.solved[i]),
-                None => finished[leaf as usize - leaves.len()],
-            }),
-        };
-        work.seen.reset(band.len(), o.filter.averages());
-        work.jacobian.clear();
-        work.jacobian.resize(if o.jacobian { band.len() } else { 0 }, f32::NAN);
+        let search = squares.is_some_and(Squares::hold_all);
+        let finished = self.finish(band, squares, search, work, stats)?;
+        let mut seen = std::mem::take(&mut work.seen);
+        seen.reset(band.len(), o.filter.averages());
+        let look = |i: usize| self.look(squares, work, &finished, i);
         let places = band.places();
-        let setters = work.seen.parts(places.iter().map(|p| p.width * p.height));
+        let setters = seen.parts(places.iter().map(|p| p.width * p.height));
         let block = |place: &Place, mut setter: Setter<'_>| {
             let rows = || (place.y..place.y + place.height).map(|y| y * band.width + place.x);
             let middle = rows()
@@ -171,32 +184,85 @@ impl Sight<'_> {
             ([base.x as i32, base.y as i32], mapped, empty)
         };
         let blocks: Vec<([i32; 2], u64, u64)> = places.par_iter().zip(setters).map(|(p, s)| block(p, s)).collect();
-        work.bases.clear();
-        work.bases.extend(blocks.iter().map(|b| b.0));
         stats.mapped += blocks.iter().map(|b| b.1).sum::<u64>();
         stats.empty += blocks.iter().map(|b| b.2).sum::<u64>();
-        if o.jacobian {
-            for (i, jacobian) in work.jacobian.iter_mut().enumerate() {
-                *jacobian = look(i).map_or(f32::NAN, |l| 1.0 / l.dx.perp_dot(l.dy) as f32);
-            }
-        }
+        let jacobian = |i: usize| look(i).map_or(f32::NAN, |l| 1.0 / l.dx.perp_dot(l.dy) as f32);
+        work.jacobian = if o.jacobian { (0..band.len()).map(jacobian).collect() } else { Vec::new() };
+        work.bases.clear();
+        work.bases.extend(blocks.iter().map(|b| b.0));
+        work.seen = seen;
         Ok(())
     }
 
+    /// The pixels of a band whose pre-images polynomials do not settle, with these: a device has
+    /// the others. The share of each pixel in the target polygon is in `work`.
+    pub(super) fn left(
+        &self,
+        band: Band,
+        squares: &Squares,
+        work: &mut Work,
+        stats: &mut WarpStats,
+    ) -> Result<Vec<LeftRecord>> {
+        work.cover = self.cover(band);
+        let size = UVec2::new(band.width as u32, band.rows as u32);
+        squares.patches.find_open(band.first, size, &mut work.found);
+        let shown = |i: &usize| work.found.leaf[*i] != NOWHERE && work.cover.get(*i).is_none_or(|c| *c > 0.0);
+        let list: Vec<usize> = (0..band.len()).filter(shown).collect();
+        let finished = self.finish(band, Some(squares), false, work, stats)?;
+        let record = |i: usize| {
+            let mut record = LeftRecord { pixel: i as u32, share: UNMAPPED, ..LeftRecord::default() };
+            if let Some(look) = self.look(Some(squares), work, &finished, i) {
+                let base = look.at.clamp(DVec2::splat(-1e9), DVec2::splat(1e9)).floor();
+                let share = work.cover.get(i).copied().unwrap_or(1.0);
+                let Footprint { at, dx, dy, cover } = self.footprint(&look, base, share);
+                record.share = cover;
+                record.place = PlaceRecord { whole: [base.x as i32, base.y as i32], part: at, dx, dy };
+            }
+            record
+        };
+        Ok(list.into_iter().map(record).collect())
+    }
+
+    /// The share of each pixel in the target polygon; empty where everything is shown.
+    fn cover(&self, band: Band) -> Vec<f32> {
+        let o = self.options;
+        match o.outside {
+            Outside::Map => Vec::new(),
+            _ => pixel_cover(&o.target.loops(self.map.target()), band.width, band.first, band.rows),
+        }
+    }
+
+    /// Where pixel `i` of a band looks, by its square or by what was `finished`.
+    #[inline(always)]
+    fn look(&self, squares: Option<&Squares>, work: &Work, finished: &[Look], i: usize) -> Option<Look> {
+        let leaves = squares.map_or(&[][..], |s| s.patches.leaves.as_slice());
+        match work.found.leaf[i] {
+            NOWHERE => None,
+            leaf => Some(match leaves.get(leaf as usize) {
+                Some(leaf) => self.exact(leaf, &work.found.solved[i]),
+                None => finished[leaf as usize - leaves.len()],
+            }),
+        }
+    }
+
     /// Newton's method on the map for the pixels of a band that have no exact pre-image: those in
-    /// open squares, and those inside the cage that no square has. Their leaves become places in
+    /// open squares, and, where `search` says so, those that no square has. Their leaves become places in
     /// the list that is returned, after those of the squares; pixels that are not shown, or have no
     /// pre-image, are nowhere.
     fn finish(
         &self,
         band: Band,
         squares: Option<&Squares>,
+        search: bool,
         work: &mut Work,
         stats: &mut WarpStats,
     ) -> Result<Vec<Look>> {
         let o = self.options;
-        // The reference evaluates the map itself at every pixel.
+        // The reference evaluates the map itself at every pixel. Otherwise they are so few that a
+        // device would be waited for longer than they take here.
         let all = self.engine.backend() == Backend::Reference;
+        let host = Engine::cpu();
+        let engine = if all { self.engine } else { &host };
         let leaves = squares.map_or(&[][..], |s| s.patches.leaves.as_slice());
         let (mut near, mut guesses, mut lost) = (Vec::new(), Vec::new(), Vec::new());
         for i in 0..band.len() {
@@ -210,7 +276,7 @@ impl Sight<'_> {
                     near.push(i);
                     guesses.push(o.source.to_units(leaf.point(work.found.solved[i].at)));
                 }
-                None if squares.is_some_and(|s| !s.clipped) => lost.push(i),
+                None if search => lost.push(i),
                 None => {}
             }
         }
@@ -224,7 +290,7 @@ impl Sight<'_> {
                 o.target.to_units(pixel + 0.5)
             };
             let points: Vec<DVec2> = list.iter().map(unit).collect();
-            let (mapped, refined) = self.map.inverse_points_counted(self.engine, &points, guesses)?;
+            let (mapped, refined) = self.map.inverse_points_counted(engine, &points, guesses)?;
             stats.evaluations.pixels += points.len() as u64;
             stats.evaluations.refined += refined;
             for ((i, point), mapped) in list.into_iter().zip(&points).zip(mapped) {

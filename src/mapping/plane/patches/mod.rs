@@ -16,6 +16,7 @@
 //! Polynomials of neighbours differ by less than the bound; nothing makes them continuous.
 
 mod fit;
+mod packed;
 mod raster;
 mod solve;
 #[cfg(test)]
@@ -29,6 +30,9 @@ use rayon::prelude::*;
 use super::composite::Mapped;
 use crate::error::{Error, Result};
 
+#[cfg(test)]
+pub(crate) use packed::twins;
+pub use packed::{PackedPatches, PatchRecord, TILE_SIDE};
 pub use raster::{Found, NOWHERE};
 pub use solve::Solved;
 

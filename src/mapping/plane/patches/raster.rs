@@ -3,6 +3,7 @@
 use glam::{DVec2, UVec2};
 use rayon::prelude::*;
 
+use super::fit::MARGIN;
 use super::solve::{Run, Solved};
 use super::{Leaf, Open, Patch, Patches};
 use crate::engine::Lanes;
@@ -10,6 +11,10 @@ use crate::mapping::plane::preimage::{self, SLACK};
 
 /// Rows that one task fills.
 const BAND: usize = 16;
+
+/// A point this far out in a square, by the larger component, is found there whatever is rounded:
+/// halfway into the margin, and 200,000 roundings from its end.
+const CERTAIN: f32 = 1.0 + 0.5 * MARGIN as f32;
 
 /// No square.
 pub const NOWHERE: u32 = u32::MAX;
@@ -50,6 +55,17 @@ impl Patches {
     /// Where squares overlap, as they do where a map folds, the later one is taken. O(pixels +
     /// squares), parallel over rows.
     pub fn find(&self, first: usize, size: UVec2, found: &mut Found) {
+        self.find_where(first, size, found, false);
+    }
+
+    /// As [`Patches::find`], of the pixels alone that polynomials do not settle: those in and around
+    /// open squares, and pixels beside these whose square depends on a rounding. The others are
+    /// nowhere in `found`.
+    pub fn find_open(&self, first: usize, size: UVec2, found: &mut Found) {
+        self.find_where(first, size, found, true);
+    }
+
+    fn find_where(&self, first: usize, size: UVec2, found: &mut Found, open: bool) {
         let (width, height) = (size.x as usize, size.y as usize);
         found.none(width * height);
         let mut bands = vec![Vec::new(); height.div_ceil(BAND)];
@@ -70,9 +86,11 @@ impl Patches {
         let parts = found.leaf.par_chunks_mut(rows).zip(found.solved.par_chunks_mut(rows));
         parts.zip(bands).enumerate().for_each(|(band, ((leaf, solved), leaves))| {
             let mut rows = Rows { leaf, solved, width, first: (first + band * BAND) as f64 };
+            let all = || leaves.iter().map(|i| &self.leaves[*i as usize]);
+            let columns = if open { rows.open_columns(all()) } else { rows.all_columns() };
             for i in &leaves {
                 match &self.leaves[*i as usize] {
-                    Leaf::Bounded(patch) => rows.exact(*i, patch),
+                    Leaf::Bounded(patch) => rows.exact(*i, patch, &columns),
                     Leaf::Open(open) => rows.triangles(*i, open),
                 }
             }
@@ -80,6 +98,9 @@ impl Patches {
                 if let Leaf::Open(open) = &self.leaves[*i as usize] {
                     rows.around(*i, open);
                 }
+            }
+            if open {
+                rows.drop_certain(&self.leaves, &columns);
             }
         });
     }
@@ -90,8 +111,51 @@ impl Rows<'_> {
         self.leaf.len() / self.width.max(1)
     }
 
-    /// The pixels of a patch.
-    fn exact(&mut self, index: u32, patch: &Patch) {
+    /// Columns from and to; none in a picture without any.
+    fn all_columns(&self) -> Vec<[f64; 2]> {
+        let last = self.width as f64 - 1.0;
+        if last < 0.0 { Vec::new() } else { vec![[0.0, last]] }
+    }
+
+    /// Those that open squares and what is around them may reach, in order, none twice.
+    fn open_columns<'l>(&self, leaves: impl Iterator<Item = &'l Leaf>) -> Vec<[f64; 2]> {
+        let last = self.width as f64 - 1.0;
+        let reached = |leaf: &Leaf| match leaf {
+            Leaf::Bounded(_) => None,
+            Leaf::Open(open) => {
+                let [low, high] = open.columns();
+                Some([(low - 0.5).floor().max(0.0), (high - 0.5).ceil().min(last)])
+            }
+        };
+        let mut all: Vec<[f64; 2]> = leaves.filter_map(reached).filter(|[low, high]| low <= high).collect();
+        all.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        let mut apart: Vec<[f64; 2]> = Vec::with_capacity(all.len());
+        for [low, high] in all {
+            match apart.last_mut() {
+                Some(before) if low <= before[1] + 1.0 => before[1] = before[1].max(high),
+                _ => apart.push([low, high]),
+            }
+        }
+        apart
+    }
+
+    /// Takes back the pixels whose square does not depend on a rounding.
+    fn drop_certain(&mut self, leaves: &[Leaf], columns: &[[f64; 2]]) {
+        for y in 0..self.height() {
+            for [from, to] in columns {
+                for i in y * self.width + *from as usize..=y * self.width + *to as usize {
+                    let [u, v] = self.solved[i].at;
+                    let bounded = matches!(leaves.get(self.leaf[i] as usize), Some(Leaf::Bounded(_)));
+                    if bounded && u.abs().max(v.abs()) <= CERTAIN {
+                        self.leaf[i] = NOWHERE;
+                    }
+                }
+            }
+        }
+    }
+
+    /// The pixels of a patch in some columns.
+    fn exact(&mut self, index: u32, patch: &Patch, of: &[[f64; 2]]) {
         let lanes = Lanes::detect();
         let [low, high] = patch.rows().map(|y| y - self.first - 0.5);
         let last = high.floor().min(self.height() as f64 - 1.0);
@@ -100,17 +164,19 @@ impl Rows<'_> {
             let row = self.first + y + 0.5;
             if let Some(columns) = patch.columns(row) {
                 let [from, to] = columns.map(|x| x - 0.5);
-                let (from, to) = (from.ceil().max(0.0), to.floor().min(self.width as f64 - 1.0));
-                if from <= to {
-                    let start = y as usize * self.width + from as usize;
-                    let count = (to - from) as usize + 1;
-                    let (leaf, solved) = (&mut *self.leaf, &mut *self.solved);
-                    let found = |k: usize, s: Solved| {
-                        leaf[start + k] = index;
-                        solved[start + k] = s;
-                    };
-                    let from = (DVec2::new(from + 0.5, row) - patch.image).as_vec2().to_array();
-                    lanes.run(Run { patch, from, count, found });
+                for [low, high] in of {
+                    let (from, to) = (from.ceil().max(*low), to.floor().min(*high));
+                    if from <= to {
+                        let start = y as usize * self.width + from as usize;
+                        let count = (to - from) as usize + 1;
+                        let (leaf, solved) = (&mut *self.leaf, &mut *self.solved);
+                        let found = |k: usize, s: Solved| {
+                            leaf[start + k] = index;
+                            solved[start + k] = s;
+                        };
+                        let from = (DVec2::new(from + 0.5, row) - patch.image).as_vec2().to_array();
+                        lanes.run(Run { patch, from, count, found });
+                    }
                 }
             }
             y += 1.0;
@@ -168,6 +234,15 @@ impl Open {
         match self.surroundings() {
             Some([a, b]) => [a.y, b.y],
             None => [low - SLACK, high + SLACK],
+        }
+    }
+
+    fn columns(&self) -> [f64; 2] {
+        let [low, high] = self.bounds().map(|p| p.x);
+        match self.surroundings() {
+            Some([a, b]) => [a.x, b.x],
+            None if self.images.iter().all(|p| p.is_finite()) => [low - SLACK, high + SLACK],
+            None => [f64::NEG_INFINITY, f64::INFINITY],
         }
     }
 

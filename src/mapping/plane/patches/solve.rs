@@ -8,11 +8,11 @@ use crate::engine::lane::MAX_LANES;
 use crate::engine::{Lane, Sweep};
 
 /// A correction that is the last: convergence is quadratic, so what is left is below a rounding.
-const SETTLED: f64 = 2e-5;
+pub(super) const SETTLED: f64 = 2e-5;
 /// Corrections before a point is given up. From the linear start three are enough inside a square.
-const CORRECTIONS: usize = 8;
+pub(super) const CORRECTIONS: usize = 8;
 /// Points are kept this near to the square while they are corrected.
-const NEAR: f64 = 1.5;
+pub(super) const NEAR: f64 = 1.5;
 
 /// A pixel that a patch has found.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -134,7 +134,7 @@ impl<F: FnMut(usize, Solved)> Sweep<f32> for Run<'_, F> {
 impl Patch {
     /// The inverse of the linear part, row by row.
     #[inline(always)]
-    fn single(&self) -> [[f32; 2]; 2] {
+    pub(super) fn single(&self) -> [[f32; 2]; 2] {
         let (x, y) = (self.inverse.x_axis.as_vec2(), self.inverse.y_axis.as_vec2());
         [[x.x, y.x], [x.y, y.y]]
     }

@@ -23,14 +23,7 @@ impl DevicePicture {
     pub fn new(gpu: &Gpu, chain: &MipChain<'_>) -> Result<Self> {
         let image = chain.image;
         let (channels, stored) = (image.channels as usize, stored_channels(image.channels) as usize);
-        let entries = match image.depth() {
-            Depth::U8 => 256,
-            Depth::U16 => 65536,
-            Depth::F32 => 0,
-        };
-        let entries = if chain.encoding.linear_light { entries } else { 0 };
-        let light: Vec<[f32; 4]> = light_values(entries).chunks_exact(4).map(|v| [v[0], v[1], v[2], v[3]]).collect();
-        let base = base(gpu, image, channels, stored)?;
+        let base = stored_samples(gpu, image)?;
         let count = chain.levels.len().max(1) as u32;
         let levels = gpu.pyramid("levels", stored as u32, half(image), count, |l, y, out: &mut [f32]| {
             if let Some(level) = chain.levels.get(l as usize) {
@@ -38,12 +31,24 @@ impl DevicePicture {
                 spread(&level.texels[y as usize * row..(y as usize + 1) * row], channels, stored, out);
             }
         })?;
-        Ok(Self { base, levels, light: gpu.table("light", &light)? })
+        Ok(Self { base, levels, light: light_of_samples(gpu, image.depth(), chain.encoding.linear_light)? })
     }
 }
 
-/// Level 0 of a picture as it is stored.
-fn base(gpu: &Gpu, image: &Image, channels: usize, stored: usize) -> Result<Pyramid> {
+/// The light of all samples of `depth`, four to a texel; nothing where they are not sRGB that is
+/// read as light.
+pub(in crate::tools) fn light_of_samples(gpu: &Gpu, depth: Depth, light: bool) -> Result<Table> {
+    let entries = match depth {
+        Depth::U8 if light => 256,
+        Depth::U16 if light => 65536,
+        _ => 0,
+    };
+    let values: Vec<[f32; 4]> = light_values(entries).chunks_exact(4).map(|v| [v[0], v[1], v[2], v[3]]).collect();
+    gpu.table("light", &values)
+}
+
+/// Level 0 of a picture as it is stored; three channels become four.
+pub(in crate::tools) fn stored_samples(gpu: &Gpu, image: &Image) -> Result<Pyramid> {
     fn rows<'p, T: Word>(
         samples: &'p [T],
         row: usize,
@@ -52,6 +57,7 @@ fn base(gpu: &Gpu, image: &Image, channels: usize, stored: usize) -> Result<Pyra
     ) -> impl FnMut(u32, u32, &mut [T]) + 'p {
         move |_, y, out| spread(&samples[y as usize * row..(y as usize + 1) * row], channels, stored, out)
     }
+    let (channels, stored) = (image.channels as usize, stored_channels(image.channels) as usize);
     let (size, row) = ([image.width, image.height], image.width as usize * channels);
     let n = stored as u32;
     match &image.pixels {

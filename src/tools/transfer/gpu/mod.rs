@@ -42,6 +42,7 @@ use std::ops::Range;
 
 pub use copy_padding::{CopyParams, CoverParams};
 pub use device_picture::DevicePicture;
+pub(in crate::tools) use device_picture::{light_of_samples, stored_samples};
 pub use exchange::Found;
 pub use pad_seams::{PadParams, Padder};
 pub(super) use picture::Plate;
@@ -50,6 +51,7 @@ pub(super) use resident::{Resident, Seen, Work};
 pub use sample_texture::{DeviceTexture, FootprintRecord, Sampler, TextureParams};
 pub(super) use stages::Stages;
 pub use store_texel::{BackgroundParams, StoreParams};
+pub(in crate::tools) use store_texel::{Format, step_table};
 pub use window::WindowParams;
 
 use crate::engine::Kernel;

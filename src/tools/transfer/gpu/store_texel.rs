@@ -73,18 +73,18 @@ const fn variant(constants: &'static [(&'static str, f64)]) -> Kernel {
 
 /// Channels and depth of a picture on a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Format {
-    pub(super) channels: u32,
-    pub(super) depth: Depth,
+pub(in crate::tools) struct Format {
+    pub(in crate::tools) channels: u32,
+    pub(in crate::tools) depth: Depth,
 }
 
 impl Format {
-    pub(super) fn of(image: &Image) -> Self {
+    pub(in crate::tools) fn of(image: &Image) -> Self {
         Self { channels: image.channels, depth: image.depth() }
     }
 
     /// Words of a texel.
-    pub(super) fn words(self) -> usize {
+    pub(in crate::tools) fn words(self) -> usize {
         match self.depth {
             Depth::U8 => 1,
             Depth::U16 => self.channels.div_ceil(2) as usize,
@@ -106,7 +106,7 @@ impl Format {
     }
 
     /// Writes texels that came from a device into a picture of this format, from texel `first` on.
-    pub(super) fn unpack(self, words: &[u32], image: &mut Image, first: usize) {
+    pub(in crate::tools) fn unpack(self, words: &[u32], image: &mut Image, first: usize) {
         const TASK: usize = 1 << 14;
         let (n, w) = (self.channels as usize, self.words());
         let range = first * n..(first + words.len() / w) * n;
@@ -155,7 +155,7 @@ static STEPS_8: LazyLock<Vec<f32>> = LazyLock::new(|| light_steps(1..=u8::MAX));
 static STEPS_16: LazyLock<Vec<f32>> = LazyLock::new(|| light_steps(1..=u16::MAX));
 
 /// The table of steps for colours of `depth`; of one step where they are not light.
-pub(super) fn step_table(gpu: &Gpu, depth: Depth, light: bool) -> Result<Table> {
+pub(in crate::tools) fn step_table(gpu: &Gpu, depth: Depth, light: bool) -> Result<Table> {
     let steps: &[f32] = match depth {
         Depth::U8 if light => &STEPS_8,
         Depth::U16 if light => &STEPS_16,

@@ -1,5 +1,5 @@
-//! Warping on a device: host half of the kernel `warp_image`; its reference is
-//! [`warp_image`](super::gather::warp_image).
+//! Host half of the kernel `warp_image`; its reference is
+//! [`warp_image`](crate::tools::warp::gather::warp_image).
 //!
 //! What the pixels of a band see of each level of the pyramid is decoded on the host and sent to
 //! the device, so that pictures may be larger than its memory and have any depth.
@@ -7,16 +7,16 @@
 use bytemuck::{Pod, Zeroable};
 use rayon::prelude::*;
 
-use super::band::Band;
-use super::footprint::Seen;
-use super::gather::Extent;
-use super::interpolate::{Bilinear, Interpolation, Lanczos};
-use super::pyramid::{Pyramid, Texel, Window};
 use crate::engine::{BindingKind, Gpu, Kernel, Layout};
 use crate::error::Result;
 use crate::kernel_layout as layout;
 use crate::picture::Filter;
 use crate::picture::ellipse::Ellipse;
+use crate::tools::warp::band::Band;
+use crate::tools::warp::footprint::Seen;
+use crate::tools::warp::gather::Extent;
+use crate::tools::warp::interpolate::{Bilinear, Interpolation, Lanczos};
+use crate::tools::warp::pyramid::{Pyramid, Texel, Window};
 
 /// Levels that the kernel knows; a picture of 2^31 pixels a side has as many.
 const MOST_LEVELS: usize = 32;
@@ -69,7 +69,7 @@ const LAYOUTS: &[Layout] = &[
 const fn kernel(constants: &'static [(&'static str, f64)]) -> Kernel {
     Kernel {
         name: "warp_image",
-        source: include_str!("../../../shaders/warp_image.wgsl"),
+        source: include_str!("../../../../shaders/warp_image.wgsl"),
         bindings: &[
             BindingKind::Uniform(size_of::<WarpParams>() as u64),
             BindingKind::Read,
@@ -88,10 +88,10 @@ static LANCZOS: Kernel = kernel(&[("FILTER", 1.0)]);
 static EWA: Kernel = kernel(&[("FILTER", 2.0)]);
 
 /// The kernels of this module.
-pub const KERNELS: &[&Kernel] = &[&BILINEAR, &LANCZOS, &EWA];
+pub(super) const KERNELS: &[&Kernel] = &[&BILINEAR, &LANCZOS, &EWA];
 
 /// The colours of pixels whose pre-images have a cover, as
-/// [`Band::gather`](super::band::Band::gather) has them; the others are left as they are.
+/// [`Band::gather`](crate::tools::warp::band::Band::gather) has them; the others are left as they are.
 ///
 /// `bases` has one entry for each block of the band. Returns `false`, with nothing done, if what
 /// the pixels see does not fit the device at once: where a map takes neighbours to places far
@@ -115,8 +115,7 @@ pub fn warp_image(
         Filter::Ewa => &EWA,
         Filter::Anisotropic | Filter::Trilinear | Filter::Nearest | Filter::Lanczos4 => return Ok(false),
     };
-    let budget = u64::from(gpu.capabilities().loop_budget);
-    if filter == Filter::Ewa && gpu.capabilities().truncates_loops && budget < ITERATIONS {
+    if !ends(gpu, filter) {
         return Ok(false);
     }
     let preimages = preimages(band, seen);
@@ -156,6 +155,12 @@ pub fn warp_image(
     gpu.run(&pipeline, &group, preimages.len(), |_| {})?;
     colors.copy_from_slice(&gpu.read(&out, 0..colors.len())?);
     Ok(true)
+}
+
+/// Whether the loops of `filter` end on `gpu` where they should.
+pub(super) fn ends(gpu: &Gpu, filter: Filter) -> bool {
+    let able = gpu.capabilities();
+    filter != Filter::Ewa || !able.truncates_loops || u64::from(able.loop_budget) >= ITERATIONS
 }
 
 /// How far a filter reads in a window.
@@ -213,25 +218,9 @@ fn extents(pyramid: &Pyramid<'_>, filter: Filter, bases: &[[i32; 2]], preimages:
     preimages.par_iter().fold(none, add).reduce(none, both)
 }
 
-/// The constants of the shaders that are these of Rust.
+/// The constants of the kernel that are these of Rust.
 #[cfg(test)]
-pub(crate) fn twins() -> Vec<crate::twins::Twin> {
-    use super::footprint;
-    use crate::picture::ellipse;
-    use crate::twins::of;
-    [
-        of("warp_image", [("MOST_LEVELS", MOST_LEVELS as f64), ("FARTHEST", footprint::FARTHEST.into())]),
-        of(
-            "lib/ellipse",
-            [
-                ("VARIANCE", ellipse::VARIANCE.into()),
-                ("MOMENT", ellipse::MOMENT.into()),
-                ("FINEST", ellipse::FINEST.into()),
-                ("LONGEST", ellipse::LONGEST.into()),
-                ("INTERPOLATED", ellipse::INTERPOLATED.into()),
-                ("AVERAGED", ellipse::AVERAGED.into()),
-            ],
-        ),
-    ]
-    .concat()
+pub(super) fn twins() -> Vec<crate::twins::Twin> {
+    use crate::tools::warp::footprint::FARTHEST;
+    crate::twins::of("warp_image", [("MOST_LEVELS", MOST_LEVELS as f64), ("FARTHEST", FARTHEST.into())])
 }
