@@ -40,7 +40,7 @@ struct PlaceParams {
 // mapping::plane::patches::packed
 const PATCH_TEXELS: u32 = 13u;
 const TILE_SIDE: u32 = 8u;
-// mapping::plane::patches::packed::RUN
+// tools::warp::gpu::place::RUN
 const RUN: u32 = 32u;
 // mapping::plane::patches::fit
 const BENDS: u32 = 18u;

@@ -3,6 +3,7 @@
 
 //#import lib/decoded
 
+// tools::warp::gpu::picture::MOST_LEVELS
 const MOST_HALVINGS: u32 = 32u;
 
 // Twin: tools::warp::gpu::picture::HalvingParams.
