@@ -15,8 +15,8 @@ use crate::engine::Engine;
 use crate::error::{Error, Result};
 use crate::mapping::plane::{CompositeMap, Found};
 use crate::picture::Filter;
-use crate::progress::Progress;
 use crate::picture::Image;
+use crate::progress::Progress;
 use crate::tools::stopwatch::{StageTime, Stopwatch};
 use crate::tools::transfer::Encoding;
 

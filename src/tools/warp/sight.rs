@@ -214,7 +214,7 @@ impl Sight<'_> {
             if let Some(look) = self.look(Some(squares), work, &finished, i) {
                 let base = look.at.clamp(DVec2::splat(-1e9), DVec2::splat(1e9)).floor();
                 let share = work.cover.get(i).copied().unwrap_or(1.0);
-                let Footprint { at, dx, dy, cover } = self.footprint(&look, base, share);
+                let Footprint { at, dx, dy, cover } = footprint(self.picture, &look, base, share);
                 record.share = cover;
                 record.place = PlaceRecord { whole: [base.x as i32, base.y as i32], part: at, dx, dy };
             }

@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use crate::engine::{BindingKind, Buffer, Gpu, Kernel, Layout, Pyramid as Samples, Table, UniformBlocks};
 use crate::error::Result;
 use crate::kernel_layout as layout;
-use crate::raster::{Depth, Image};
+use crate::picture::{Depth, Image};
 use crate::tools::transfer::gpu::{light_of_samples, stored_samples};
 use crate::tools::transfer::{Alpha, Encoding};
 use crate::tools::warp::pyramid::{Texel, level_count, level_size};

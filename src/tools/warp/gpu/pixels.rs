@@ -12,7 +12,7 @@ use crate::engine::{Batch, BindGroup, BindingKind, Buffer, Gpu, Kernel, Pipeline
 use crate::error::Result;
 use crate::kernel_layout as layout;
 use crate::picture::Filter;
-use crate::raster::{Depth, Image};
+use crate::picture::{Depth, Image};
 use crate::tools::transfer::gpu::{Format, step_table};
 use crate::tools::transfer::{Alpha, Encoding};
 use crate::tools::warp::pyramid::Texel;

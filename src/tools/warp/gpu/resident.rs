@@ -9,7 +9,7 @@ use crate::engine::{Engine, Gpu, Staging, Submission};
 use crate::error::{Error, Result};
 use crate::mapping::plane::{Patches, TILE_SIDE};
 use crate::picture::Filter;
-use crate::raster::Image;
+use crate::picture::Image;
 use crate::tools::stopwatch::Stopwatch;
 use crate::tools::warp::band::Band;
 
