@@ -2,7 +2,7 @@
 //!
 //! One type ([`Image`]) is what textures, masks and results are before and after a file format. One
 //! list of filters ([`Filter`]) serves every job that takes colours from a picture. A footprint
-//! is the parallelogram that one pixel of the result covers on the picture; [`taps`] and
+//! is the parallelogram that one pixel of the result covers on the picture; `taps` and
 //! [`ellipse`] turn it into weights.
 
 #[doc(hidden)]

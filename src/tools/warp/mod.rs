@@ -2,8 +2,8 @@
 //!
 //! [`warp_picture`] goes over the canvas in bands of rows, each a module: how much of every pixel
 //! the cage covers ([`cover`]), where it looks in the picture (the exact pre-images of the map),
-//! what it sees there ([`gather`], with the filters of [`filter`] and [`ewa`] on the [`pyramid`]),
-//! and what is written ([`store`]).
+//! what it sees there ([`gather`], with the filters of [`picture`](crate::picture) and [`ewa`] on
+//! the [`pyramid`]), and what is written ([`store`]).
 //!
 //! Schneider, Hormann, Floater 2013, section 1 and equation (4), with filtering, pictures larger
 //! than memory for their pre-images, and what lies outside the cage.

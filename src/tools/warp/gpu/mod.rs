@@ -11,7 +11,7 @@
 //! | `warp_image` | as `filter_pixels`, from windows of the picture | [`warp_image`](super::gather::warp_image) |
 //!
 //! A picture that fits the device goes up once, as it is stored, and so do the squares of the map's
-//! inverse ([`resident`]). Of each band then only finished pixels come down; up go the few
+//! inverse (`resident`). Of each band then only finished pixels come down; up go the few
 //! pre-images that no polynomial is bounded at, and what the target polygon covers. Other pictures
 //! go up in windows, decoded, with the pre-image of every pixel ([`warp_image`]).
 
