@@ -86,7 +86,8 @@ fn pre_images_keep_the_bound_where_polynomials_give_them() {
         let Evaluated { exact, cheap } = patches.evaluations;
         // Wild maps on small pictures take all that they may.
         assert!(exact + cheap <= EVALUATIONS, "{name}: {exact} {cheap}");
-        assert!(cheap < exact || exact < 400 * 380 / 16, "{name}: {exact} {cheap}");
+        // The quarters of a square have four anchors and 28 nodes and points held out.
+        assert!(cheap < exact || exact <= EVALUATIONS / 8, "{name}: {exact} {cheap}");
         cheaply += usize::from(cheap > exact);
     }
     assert!(cheaply > 0);
