@@ -115,7 +115,9 @@ pub use gltf_scene::{GltfScene, KeepTextures, SceneEdit, SkinWeights};
 #[doc(hidden)]
 pub use gltf_skin::SkinTable;
 pub use gltf_write::{GlbMaterial, GlbTexture, write_glb};
-pub use handles::{check_handles, read_handles, read_handles_on, read_vertex_list, read_vertices_on};
+pub use handles::{check_handles, read_handles_on, read_vertices_on};
+#[doc(hidden)]
+pub use handles::{read_handles, read_vertex_list};
 pub use image_file::{read_image, read_picture, read_texture, write_image, write_picture};
 pub use locate::confined;
 #[doc(hidden)]

@@ -17,6 +17,7 @@ use crate::picture::Image;
 use crate::progress::Progress;
 
 /// The map `p -> (A p + b) / (c . p + d)` of the plane that takes four corners to four others.
+#[doc(hidden)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Projective {
     matrix: DMat3,

@@ -163,6 +163,7 @@ pub fn partition(
 /// # Errors
 /// [`Error::Option`] for `eps` outside its range or too many steps; [`Error::Numeric`] where no
 /// path avoids intersections; what `evaluate` returns.
+#[doc(hidden)]
 pub fn partition_with(
     evaluate: &mut Evaluate<'_>,
     cage: &Cage,
