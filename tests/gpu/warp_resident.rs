@@ -1,6 +1,6 @@
 //! The stages of a warp that stays on a device, each against its reference, and the whole.
 
-use barymap::engine::{Backend, Engine, EngineOptions, Gpu};
+use barymap::engine::{Backend, DeviceLimits, Engine, EngineOptions, Gpu};
 use barymap::geometry::Polygon;
 use barymap::mapping::plane::{CompositeMap, Coordinates, Found, Leaf, Mapped, Maps, NOWHERE, PatchOptions, Patches};
 use barymap::picture::Filter;
@@ -388,7 +388,13 @@ fn whole_warps_are_the_hosts_and_keep_to_their_bytes() {
         }
         image
     };
-    for engine in engines() {
+    if engines().is_empty() {
+        return;
+    }
+    for limits in [DeviceLimits::Adapter, DeviceLimits::Downlevel] {
+        // Its own, on which nothing else counts.
+        let own = EngineOptions { backend: Backend::Gpu, limits, ..EngineOptions::default() };
+        let engine = &Engine::new(own).unwrap();
         for (channels, depth) in [(3, Depth::U8), (4, Depth::U8), (1, Depth::U16), (2, Depth::F32)] {
             let image = smooth(channels, depth);
             for outside in [Outside::Map, Outside::Keep, Outside::Transparent] {
