@@ -25,6 +25,7 @@ type Place = std::result::Result<(u32, DVec3), String>;
 /// [`Error::Io`]; [`Error::Format`] naming the handle: not JSON, no list `handles`, a vertex that
 /// is no index, a position that is not three finite numbers. Indices are not checked against a mesh
 /// here.
+#[doc(hidden)]
 pub fn read_handles(path: impl AsRef<Path>) -> Result<Vec<(u32, DVec3)>> {
     let vertex = |entry: &Value| -> Place {
         let vertex = entry.get("vertex").and_then(Value::as_u64).and_then(|v| u32::try_from(v).ok());
@@ -125,6 +126,7 @@ pub fn check_handles(path: impl AsRef<Path>, mesh: &Mesh, handles: &[(u32, DVec3
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Format`] naming the line of a word that is no index.
+#[doc(hidden)]
 pub fn read_vertex_list(path: impl AsRef<Path>) -> Result<Vec<u32>> {
     let path = path.as_ref();
     let mut list = Vec::new();
