@@ -67,6 +67,17 @@ enum Special {
     Device,
 }
 
+#[cfg(unix)]
+fn is_pipe(metadata: &fs::Metadata) -> bool {
+    std::os::unix::fs::FileTypeExt::is_fifo(&metadata.file_type())
+}
+
+/// Other systems have no pipes among files.
+#[cfg(not(unix))]
+fn is_pipe(_: &fs::Metadata) -> bool {
+    false
+}
+
 /// What `target` is if it is no regular file. A pipe that is not below `/dev`, where a shell puts
 /// those that have a reader, is refused.
 fn special(path: &Path, target: &Path) -> Result<Option<Special>> {
@@ -74,8 +85,7 @@ fn special(path: &Path, target: &Path) -> Result<Option<Special>> {
     if metadata.is_file() {
         return Ok(None);
     }
-    #[cfg(unix)]
-    if std::os::unix::fs::FileTypeExt::is_fifo(&metadata.file_type()) {
+    if is_pipe(&metadata) {
         if path.starts_with("/dev") || target.starts_with("/dev") {
             return Ok(Some(Special::Pipe));
         }
