@@ -6,7 +6,7 @@ use crate::geometry::Mesh;
 
 /// Changes whenever the same mesh and options may give another embedding, or its bytes another
 /// layout.
-pub const ALGORITHM_VERSION: u32 = 4;
+pub const ALGORITHM_VERSION: u32 = 5;
 
 const MAGIC: [u8; 8] = *b"BARYEMBD";
 /// Bytes of the checksum at the end.

@@ -233,7 +233,7 @@ fn embed_part(
     let clock = Instant::now();
     progress.stage("multidimensional scaling", options.sweeps as u64);
     let start = scaling::classical(&marks.distances, m, dimension)?;
-    let stop = scaling::Stop { sweeps: options.sweeps, tolerance: options.tolerance };
+    let stop = scaling::Stop { sweeps: options.sweeps, tolerance: options.tolerance, enough: scaling::ENOUGH };
     control::check()?;
     let scaled = scaling::smacof(&marks.distances, start, stop, || progress.advance(1))?;
     seconds.scaling += clock.elapsed().as_secs_f64();

@@ -3,7 +3,7 @@
 
 use faer::Mat;
 
-use super::scaling::{Problem, Step, Stop, descend};
+use super::scaling::{ENOUGH, Problem, Step, Stop, descend};
 use super::{Embedding, EmbeddingOptions, LEAST_LANDMARKS, assemble, landmarks, least_squares, parts};
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, NONE, Topology};
@@ -105,7 +105,7 @@ impl<'a> Rescaling<'a> {
             return Err(Error::input(what, "Give a row for each landmark"));
         }
         progress.stage("multidimensional scaling", sweeps as u64 * self.components.len() as u64);
-        let stop = Stop { sweeps, tolerance: EmbeddingOptions::default().tolerance };
+        let stop = Stop { sweeps, tolerance: EmbeddingOptions::default().tolerance, enough: ENOUGH };
         let one = |(c, part): (&Component, &parts::Part)| -> Result<(Vec<f64>, f64, u64)> {
             let m = c.landmarks.len();
             let rows = &start[c.first * dimension..][..m * dimension];
