@@ -21,8 +21,8 @@
 //!
 //! // Corresponding points: the poles, and four meridians at three latitudes.
 //! let net = |pole: u32, rows: [u32; 3], step: u32| -> Vec<u32> {
-//!     [0, pole].into_iter().chain(rows.into_iter().flat_map(|r| (0..4).map(move |k| r + k * step))).collect()
-//! };
+//!     [0, pole].into_iter().chain(rows.into_iter().flat_map(|r| (0..4).map(move |k| r + k *
+//! step))).collect() };
 //! let on_source = net(361, [73, 169, 265], 6).into_iter().map(|v| vertex_point(&source, &around_source, v, "anchor"));
 //! let on_target = net(221, [41, 101, 161], 5).into_iter().map(|v| vertex_point(&target, &around_target, v, "anchor"));
 //! let anchors = AnchorPairs {

@@ -20,8 +20,9 @@ struct PlaneParams {
     unused1: u32,
 }
 
-// Position and displacement of vertex i. Every block has a vertex j, so all are read and no branch is
-// taken: this is inlined often, and SwiftShader compiles for minutes where each has its branches.
+// Position and displacement of vertex i. Every block has a vertex j, so all are read and no branch
+// is taken: this is inlined often, and SwiftShader compiles for minutes where each has its
+// branches.
 fn corner(i: u32) -> vec4f {
     if MANY {
         let j = i & 1023u;

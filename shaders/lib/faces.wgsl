@@ -32,8 +32,8 @@ struct Face {
     g2: vec3f,
 }
 
-// Vector i of a block. Every block has one, so all are read and no branch is taken: a branch for each
-// of the eleven vectors of a face keeps the compiler of SwiftShader busy for forty seconds.
+// Vector i of a block. Every block has one, so all are read and no branch is taken: a branch for
+// each of the eleven vectors of a face keeps the compiler of SwiftShader busy for forty seconds.
 fn vector(block: u32, i: u32) -> vec4f {
     let odd = (block & 1u) != 0u;
     var block0 = faces0[i];

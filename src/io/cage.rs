@@ -48,8 +48,8 @@ pub struct CageFile {
     pub units: Option<CageUnits>,
 }
 
-/// Reads a cage: an SVG or GeoJSON document with two outlines, or `{"source": LOOPS, "target": LOOPS, "units": "pixel" | "unit"}`, LOOPS being one
-/// loop `[[x, y], ...]` or a list of loops.
+/// Reads a cage: an SVG or GeoJSON document with two outlines, or `{"source": LOOPS, "target":
+/// LOOPS, "units": "pixel" | "unit"}`, LOOPS being one loop `[[x, y], ...]` or a list of loops.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Format`] naming the polygon, loop and vertex: no JSON, a missing

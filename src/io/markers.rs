@@ -2,8 +2,8 @@
 //!
 //! `{"LKNE": 4711, "HEAD": [0.0, 1.7, 0.1], "LeftArm": {"vertices": [17, 29, 80]}}`; a place is a
 //! vertex index, a position (the nearest vertex is taken), `{"vertex": i}`, `{"vertices": [i,
-//! ...]}`, `{"position": [x, y, z]}` or `{"face": f, "barycentric": [b0, b1, b2]}`. All may stand in
-//! an object `"markers"`.
+//! ...]}`, `{"position": [x, y, z]}` or `{"face": f, "barycentric": [b0, b1, b2]}`. All may stand
+//! in an object `"markers"`.
 
 use std::path::Path;
 

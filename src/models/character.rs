@@ -84,8 +84,8 @@ impl Character {
     }
 
     /// The painted texture of `size` by `size` texels (16 to 16,384), 8-bit RGBA, opaque, row 0 at
-    /// v = 1. Each texel is the mean of four samples. O(size^2), in parallel; the same bytes for any number of
-    /// threads.
+    /// v = 1. Each texel is the mean of four samples. O(size^2), in parallel; the same bytes for
+    /// any number of threads.
     pub fn texture(&self, size: u32) -> Image {
         let size = size.clamp(16, MAX_SIZE) as usize;
         let owner = self.owners(size);

@@ -122,7 +122,8 @@ impl Image {
         Ok(image)
     }
 
-    /// The pixel in column `x` and row `y` as 8-bit RGBA; grey is repeated, a missing alpha is full.
+    /// The pixel in column `x` and row `y` as 8-bit RGBA; grey is repeated, a missing alpha is
+    /// full.
     ///
     /// # Panics
     /// If there is no such pixel.

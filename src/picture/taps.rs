@@ -2,10 +2,10 @@
 //!
 //! The footprint's matrix takes a pixel of the result to a parallelogram, read as an ellipse with
 //! its singular values as widths. Taps are spread along its wide side (Schilling, Knittel and
-//! Strasser 1996, "Texram"; EXT_texture_filter_anisotropic) and, unlike there, two across its narrow
-//! side: boxes of half its width put together are much closer to the footprint than one blurred box
-//! of all of it (25 against 17 dB on a chequered texture reduced four times, see the tests of
-//! `transfer`).
+//! Strasser 1996, "Texram"; EXT_texture_filter_anisotropic) and, unlike there, two across its
+//! narrow side: boxes of half its width put together are much closer to the footprint than one
+//! blurred box of all of it (25 against 17 dB on a chequered texture reduced four times, see the
+//! tests of `transfer`).
 
 use super::Filter;
 use crate::geometry::Wrap;

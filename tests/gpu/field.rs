@@ -104,8 +104,8 @@ fn back_ends_agree(engine: &Engine, scene: &Scene) {
     let reference = images(&exact);
     let cpu = images(&field::<f32>(scene, true));
     let device = images(&DeviceMap::<Field<f32, 12>>::new(engine, field::<f32>(scene, true)).unwrap());
-    // Where the predicted place of a vertex has two closest points, equally near, the map jumps: then
-    // either side is right. The reference itself is on the other's side at a place nearby.
+    // Where the predicted place of a vertex has two closest points, equally near, the map jumps:
+    // then either side is right. The reference itself is on the other's side at a place nearby.
     let jumps = |v: usize, other: &PackedImage| {
         let beside: Vec<PackedPoint> = places_beside(target, v as u32).map(PackedPoint::from).collect();
         let mut images = Vec::new();

@@ -221,8 +221,8 @@ fn what_the_host_found_takes_its_place() {
     }
 }
 
-/// A band whose pixels are moved, turned, reduced and stretched, more towards the right, as the host
-/// has it and as a device has it.
+/// A band whose pixels are moved, turned, reduced and stretched, more towards the right, as the
+/// host has it and as a device has it.
 fn band(rows: usize, width: usize, strength: f32) -> (Band, Vec<[i32; 2]>, Footprints, Vec<LeftRecord>) {
     let band = Band { first: 0, rows, width };
     let mut seen = Footprints::new(band.len(), true);

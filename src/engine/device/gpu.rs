@@ -175,8 +175,8 @@ impl Gpu {
         let _ = self.fault.set("destroyed".into());
     }
 
-    /// Runs `work` and turns whatever the device objects to into an error about `what`; in a browser
-    /// into one of [`Gpu::settle`].
+    /// Runs `work` and turns whatever the device objects to into an error about `what`; in a
+    /// browser into one of [`Gpu::settle`].
     ///
     /// # Errors
     /// [`Error::Device`].

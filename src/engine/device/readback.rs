@@ -204,9 +204,9 @@ impl Gpu {
         block_on(self.read_async(from, range))
     }
 
-    /// [`Gpu::read`] for a browser, where no thread can wait. What the device objects to in the work
-    /// before it is an error here: a browser tells no earlier. Elsewhere the thread is kept until
-    /// the values are there.
+    /// [`Gpu::read`] for a browser, where no thread can wait. What the device objects to in the
+    /// work before it is an error here: a browser tells no earlier. Elsewhere the thread is kept
+    /// until the values are there.
     ///
     /// # Errors
     /// As [`Gpu::read`].

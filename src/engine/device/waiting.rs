@@ -47,10 +47,10 @@ pub(super) fn block_on<T>(future: impl Future<Output = Result<T>>) -> Result<T> 
 static PAUSE: OnceLock<fn()> = OnceLock::new();
 
 impl Engine {
-    /// Lets calls that wait for a device work in a browser: they call `pause`, again and again, which
-    /// has to let the browser work on and then to return. WebAssembly can do so by its promise
-    /// integration (`WebAssembly.Suspending`); `tests/browser` shows how. The first call counts;
-    /// outside of a browser threads wait by themselves.
+    /// Lets calls that wait for a device work in a browser: they call `pause`, again and again,
+    /// which has to let the browser work on and then to return. WebAssembly can do so by its
+    /// promise integration (`WebAssembly.Suspending`); `tests/browser` shows how. The first call
+    /// counts; outside of a browser threads wait by themselves.
     pub fn pause_with(pause: fn()) {
         #[cfg(target_arch = "wasm32")]
         PAUSE.get_or_init(|| pause);

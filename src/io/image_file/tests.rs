@@ -286,8 +286,8 @@ fn a_jpeg_of_four_inks_becomes_rgb_with_a_word() {
     bytes.extend_from_slice(b"\xff\xda\0\x0e\x04");
     (1..=4).for_each(|id| bytes.extend_from_slice(&[id, 0]));
     bytes.extend_from_slice(&[0, 63, 0]);
-    // Cyan: difference +100 (code 01, bits 1100100), end 00: stored 228. Magenta, yellow: none: 128.
-    // Black: +127: 255.
+    // Cyan: difference +100 (code 01, bits 1100100), end 00: stored 228. Magenta, yellow: none:
+    // 128. Black: +127: 255.
     let code = "01".to_owned() + "1100100" + "00" + "00" + "00" + "00" + "00" + "01" + "1111111" + "00";
     let padded = format!("{code:1<32}");
     for k in 0..padded.len() / 8 {

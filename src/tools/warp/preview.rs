@@ -13,9 +13,9 @@ use crate::picture::{Depth, Image, Pixels};
 ///
 /// The map is evaluated at the nodes of a [`Lattice`] over the picture, finer near the vertices of
 /// the cage, and interpolated between them: what a pixel shows comes from a point whose exact image
-/// is within 0.1 pixels of it. Colours are interpolated bilinearly in 8 bits, between places a 256th
-/// of a pixel apart: within two levels. Where the map shrinks, the full warp filters better. Pixels that no point of the picture comes to are
-/// transparent.
+/// is within 0.1 pixels of it. Colours are interpolated bilinearly in 8 bits, between places a
+/// 256th of a pixel apart: within two levels. Where the map shrinks, the full warp filters better.
+/// Pixels that no point of the picture comes to are transparent.
 #[derive(Clone, Debug)]
 pub struct Preview {
     /// RGBA, multiplied by alpha, one texel of border on every side.

@@ -1,5 +1,5 @@
-//! A picture of a plane seen from elsewhere: four corners go to four others, and straight lines stay
-//! straight.
+//! A picture of a plane seen from elsewhere: four corners go to four others, and straight lines
+//! stay straight.
 
 use glam::{DMat2, DMat3, DVec2, DVec3};
 use rayon::prelude::*;
@@ -26,8 +26,8 @@ pub struct Projective {
 impl Projective {
     /// The map that takes `from` to `to`, corner by corner in their order around.
     ///
-    /// By way of the unit square (Heckbert, Fundamentals of Texture Mapping and Image Warping, 1989,
-    /// section 2.2.3).
+    /// By way of the unit square (Heckbert, Fundamentals of Texture Mapping and Image Warping,
+    /// 1989, section 2.2.3).
     ///
     /// # Errors
     /// [`Error::Input`] unless both are convex: the map is one-to-one between convex quadrilaterals
@@ -40,7 +40,8 @@ impl Projective {
             }
         }
         let matrix = of_square(to) * of_square(from).inverse();
-        // The horizon lies on no side of what is mapped: with this sign, its denominator is positive.
+        // The horizon lies on no side of what is mapped: with this sign, its denominator is
+        // positive.
         let middle = matrix * (from.iter().sum::<DVec2>() / 4.0).extend(1.0);
         if !(middle.is_finite() && middle.z != 0.0) {
             return Err(Error::numeric("the four corners determine no map", "Move corners apart that nearly coincide"));

@@ -246,9 +246,9 @@ impl Sight<'_> {
     }
 
     /// Newton's method on the map for the pixels of a band that have no exact pre-image: those in
-    /// open squares, and, where `search` says so, those that no square has. Their leaves become places in
-    /// the list that is returned, after those of the squares; pixels that are not shown, or have no
-    /// pre-image, are nowhere.
+    /// open squares, and, where `search` says so, those that no square has. Their leaves become
+    /// places in the list that is returned, after those of the squares; pixels that are not shown,
+    /// or have no pre-image, are nowhere.
     fn finish(
         &self,
         band: Band,

@@ -31,8 +31,8 @@ async fn run(gpu: &Gpu, kernel: &'static Kernel, input: &[f32], count: usize) ->
     gpu.read_async(&output, 0..count).await
 }
 
-/// What the engine is; an error where a sum is not that of the processor, to the last bit, or a wrong
-/// kernel is not told.
+/// What the engine is; an error where a sum is not that of the processor, to the last bit, or a
+/// wrong kernel is not told.
 #[wasm_bindgen]
 pub async fn awaited() -> Result<String, JsError> {
     let refused = Engine::new(EngineOptions { backend: Backend::Gpu, ..EngineOptions::default() });

@@ -6,8 +6,8 @@ use barymap::conformance;
 use barymap::engine::{Backend, Engine, EngineOptions};
 use wasm_bindgen::prelude::wasm_bindgen;
 
-// Neither may pass through the code that wasm-bindgen writes: a frame of JavaScript between an export
-// that promises and an import that suspends cannot be suspended.
+// Neither may pass through the code that wasm-bindgen writes: a frame of JavaScript between an
+// export that promises and an import that suspends cannot be suspended.
 #[link(wasm_import_module = "./pause.js")]
 unsafe extern "C" {
     /// Suspends until the browser has done what is due.

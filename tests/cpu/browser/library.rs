@@ -1,5 +1,5 @@
-//! The library runs in a page, on a device of WebGPU: as a page awaits it, and with WebAssembly that
-//! the browser suspends while the library waits.
+//! The library runs in a page, on a device of WebGPU: as a page awaits it, and with WebAssembly
+//! that the browser suspends while the library waits.
 
 use std::path::Path;
 

@@ -77,8 +77,8 @@ fn footprints_beat_points_on_stretched_and_turned_maps() {
             "{name}: bilinear {bilinear:.1}, trilinear {trilinear:.1}, anisotropic {anisotropic:.1}, ewa {ellipse:.1}, \
              4x4 {reference:.1} dB"
         );
-        // Where nothing is reduced the truth is what linear interpolation makes of the squares, whose
-        // borders sincs show sharper.
+        // Where nothing is reduced the truth is what linear interpolation makes of the squares,
+        // whose borders sincs show sharper.
         let reduced = name != "near 1";
         assert!(ellipse > if reduced { bilinear + 3.0 } else { 20.0 }, "{name}: {ellipse} against {bilinear} dB");
         assert!(!reduced || ellipse > trilinear - 0.5, "{name}: {ellipse} against {trilinear} dB");

@@ -1,8 +1,8 @@
 //! The inverse of a map in small squares of its source, each by a polynomial whose error is
 //! bounded: exact pre-images for the price of a few evaluations of the map per square.
 //!
-//! A quadtree of squares over a rectangle. The map and its derivative are evaluated at nine nodes of
-//! each square, which neighbours share, and at four points more: in single precision that keeps
+//! A quadtree of squares over a rectangle. The map and its derivative are evaluated at nine nodes
+//! of each square, which neighbours share, and at four points more: in single precision that keeps
 //! points in two parts, where the coarsest squares show that this is enough. A polynomial of degree
 //! 5 is fitted to the nodes ([`fit`]) and judged at all of these points. Where the bound of its
 //! error is within the tolerance, the map in double precision at the centre, the *anchor* of the

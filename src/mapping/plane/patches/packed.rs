@@ -41,8 +41,8 @@ pub struct PatchRecord {
 pub struct PackedPatches {
     /// The bounded squares that may have pixels, in their order.
     pub records: Vec<PatchRecord>,
-    /// Four words to a record: of each tile, row by row, and of one tile more where its list begins;
-    /// then the lists, numbers of records in their order.
+    /// Four words to a record: of each tile, row by row, and of one tile more where its list
+    /// begins; then the lists, numbers of records in their order.
     pub tiles: Vec<[u32; FOUR]>,
 }
 

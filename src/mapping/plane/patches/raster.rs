@@ -58,9 +58,9 @@ impl Patches {
         self.find_where(first, size, found, false);
     }
 
-    /// As [`Patches::find`], of the pixels alone that polynomials do not settle: those in and around
-    /// open squares, and pixels beside these whose square depends on a rounding. The others are
-    /// nowhere in `found`.
+    /// As [`Patches::find`], of the pixels alone that polynomials do not settle: those in and
+    /// around open squares, and pixels beside these whose square depends on a rounding. The others
+    /// are nowhere in `found`.
     pub fn find_open(&self, first: usize, size: UVec2, found: &mut Found) {
         self.find_where(first, size, found, true);
     }

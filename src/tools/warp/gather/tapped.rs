@@ -1,5 +1,5 @@
-//! Filters that put boxes of the pyramid together: one or more taps a pixel, on one level or between
-//! two.
+//! Filters that put boxes of the pyramid together: one or more taps a pixel, on one level or
+//! between two.
 
 use std::ops::Range;
 

@@ -201,8 +201,8 @@ impl Finisher {
         }
     }
 
-    /// For pixels of `placer`, `row` of them in a row, that look into `picture`, which is `image` on
-    /// the device. `None` if the kernel has no such filter.
+    /// For pixels of `placer`, `row` of them in a row, that look into `picture`, which is `image`
+    /// on the device. `None` if the kernel has no such filter.
     ///
     /// # Errors
     /// [`Error::Memory`](crate::Error::Memory) or [`Error::Capability`](crate::Error::Capability)

@@ -95,7 +95,8 @@ pub struct Placer<'a> {
     left: (Arc<Pipeline>, BindGroup),
     /// Where pixels look, row by row.
     pub places: Buffer<PlaceRecord>,
-    /// Shares of pixels: of their colours in the result, or [`UNMAPPED`], and of the target polygon.
+    /// Shares of pixels: of their colours in the result, or [`UNMAPPED`], and of the target
+    /// polygon.
     pub shares: Buffer<[f32; 2]>,
     cage: Buffer<u32>,
     records: Buffer<LeftRecord>,

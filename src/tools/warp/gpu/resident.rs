@@ -50,8 +50,8 @@ pub(in crate::tools::warp) fn device(engine: &Engine, filter: Filter) -> Option<
 }
 
 impl<'a> Resident<'a> {
-    /// `None` where picture, squares or a band do not fit the device. The upload of the picture, and
-    /// that of the rest, are stages of `watch`.
+    /// `None` where picture, squares or a band do not fit the device. The upload of the picture,
+    /// and that of the rest, are stages of `watch`.
     ///
     /// # Errors
     /// [`Error::Device`].

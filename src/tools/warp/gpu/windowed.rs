@@ -91,7 +91,8 @@ static EWA: Kernel = kernel(&[("FILTER", 2.0)]);
 pub(super) const KERNELS: &[&Kernel] = &[&BILINEAR, &LANCZOS, &EWA];
 
 /// The colours of pixels whose pre-images have a cover, as
-/// [`Band::gather`](crate::tools::warp::band::Band::gather) has them; the others are left as they are.
+/// [`Band::gather`](crate::tools::warp::band::Band::gather) has them; the others are left as they
+/// are.
 ///
 /// `bases` has one entry for each block of the band. Returns `false`, with nothing done, if what
 /// the pixels see does not fit the device at once: where a map takes neighbours to places far
