@@ -8,7 +8,9 @@
 mod support;
 
 use barymap::engine::{Backend, Engine, EngineOptions};
-use barymap::mapping::plane::{Cage, CompositeMap, PartitionKind, PartitionOptions, PathKind, partition};
+use barymap::mapping::plane::{
+    Cage, CompositeMap, LivePartition, PartitionKind, PartitionOptions, PathKind, partition,
+};
 use barymap::models::polygons;
 use barymap::picture::{Depth, Image, Pixels};
 use barymap::progress::Quiet;
@@ -250,9 +252,10 @@ fn dragged() -> Result<()> {
                 path: PathKind::Linear,
                 ..PartitionOptions::default()
             };
-            let made = |frame: usize| -> Result<CompositeMap> {
-                let cage = Cage::new(star(0.0, 1.0), star(0.3, 1.0 - 0.002 * frame as f64))?;
-                Ok(CompositeMap::new(options.coordinates, partition(&engine, &cage, &options, &Quiet)?.polygons)?)
+            let cage = |frame: usize| Cage::new(star(0.0, 1.0), star(0.3, 1.0 - 0.002 * frame as f64));
+            let mut live = LivePartition::new(&engine, &cage(0)?, &options, &Quiet)?;
+            let mut made = |frame: usize| -> Result<CompositeMap> {
+                Ok(CompositeMap::new(options.coordinates, live.drag(&cage(frame)?)?.polygons.clone())?)
             };
             let mut preview = Preview::new(&engine, &image, &made(0)?, canvas)?;
             let mut spent = [0.0; 3];

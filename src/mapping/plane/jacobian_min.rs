@@ -6,10 +6,12 @@
 //! are then followed to the minimum next to them in double precision, so that the answer does not
 //! depend on where the samples happened to lie.
 
+use glam::DVec2;
 use rayon::prelude::*;
 
+use super::descent::{along_edges, downhill, edge_samples, least};
 use super::gpu;
-use super::samples::{EdgeSamples, Raster, contains, on_edge};
+use super::samples::{EdgeSamples, Raster};
 use super::step::{Coordinates, Step};
 use super::sweep::{SweepPoints, SweepStep};
 use super::{Frame, Minimum, MinimumKind, SampleOptions};
@@ -20,9 +22,6 @@ use crate::geometry::Polygon;
 
 /// Most samples along the longer side.
 pub const MOST_RESOLUTION: u32 = 8192;
-
-/// Samples of the interior, and of the edges, that are followed to a minimum.
-const FOLLOWED: usize = 6;
 
 /// Neighbouring pixels of which only the smallest Jacobian is kept.
 pub(super) const PIECE: u32 = 16;
@@ -36,6 +35,36 @@ const APART: f64 = 6.0;
 /// A place on the edges counts as smaller than a vertex only by more than rounding, and so does one
 /// inside.
 const ROUNDING: f64 = 1e-12;
+
+/// How hard the minimum is looked for.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Effort {
+    /// Pixels along the longer side of the raster.
+    pub(super) resolution: u32,
+    /// Samples of the interior that are followed, and half of those on edges.
+    followed: usize,
+    /// Samples of an edge, at most.
+    on_edge: usize,
+    /// Rounds of a search along an edge.
+    rounds: usize,
+    /// Strides of a search inside end below this part of a pixel, and of 1 where a pixel is larger
+    /// than a thousandth.
+    finest: f64,
+}
+
+impl Effort {
+    /// What a partition is judged by: 0.618^40 is 4e-9, and the value is known to the square of
+    /// that.
+    fn thorough(options: &SampleOptions) -> Self {
+        Self { resolution: options.resolution, followed: 6, on_edge: 32, rounds: 40, finest: 1e-4 }
+    }
+
+    /// What a frame has time for: vertices as ever, elsewhere a sixteenth of the samples and
+    /// minima to three digits.
+    pub(super) fn glance(options: &SampleOptions) -> Self {
+        Self { resolution: options.resolution.min(64), followed: 2, on_edge: 8, rounds: 12, finest: 0.03 }
+    }
+}
 
 /// A sample: the Jacobian, and where.
 #[derive(Clone, Copy, Debug)]
@@ -73,31 +102,53 @@ pub fn jacobian_min(
     let mut minima = Vec::with_capacity(pairs.len());
     for pairs in pairs.chunks(STEPS_AT_ONCE) {
         control::check()?;
-        minima.extend(minima_of(engine, coordinates, pairs, options)?);
+        let steps = rasters(coordinates, pairs, options.resolution);
+        let interior = interior(engine, &steps)?;
+        minima.extend(judged_steps(pairs, &steps, interior, &Effort::thorough(options)));
     }
     Ok(minima)
+}
+
+/// The same at a glance, on the CPU, for pairs that [`jacobian_min`] takes.
+///
+/// # Errors
+/// As [`jacobian_min`].
+pub(super) fn glance(
+    coordinates: Coordinates,
+    pairs: &[(Polygon, Polygon)],
+    options: &SampleOptions,
+) -> Result<Vec<Minimum>> {
+    for (from, to) in pairs {
+        check(coordinates, from, to)?;
+    }
+    let effort = Effort::glance(options);
+    let steps = rasters(coordinates, pairs, effort.resolution);
+    let interior = steps.par_iter().map(|(step, raster)| interior_samples::<f32>(step, raster)).collect();
+    Ok(judged_steps(pairs, &steps, interior, &effort))
 }
 
 /// Steps whose samples are in memory together: of a partition of very many, a part.
 const STEPS_AT_ONCE: usize = 1024;
 
-fn minima_of(
-    engine: &Engine,
-    coordinates: Coordinates,
+/// The steps of the pairs, with what their interiors are sampled by.
+fn rasters(coordinates: Coordinates, pairs: &[(Polygon, Polygon)], resolution: u32) -> Vec<(Step<f64>, Raster)> {
+    let prepared = |(from, to): &(Polygon, Polygon)| {
+        let step = Step::new(coordinates, from, to, Frame::common_scale([from, to]));
+        let raster = Raster::new(&step.outline, resolution);
+        (step, raster)
+    };
+    pairs.par_iter().map(prepared).collect()
+}
+
+/// The minima of the steps, from samples of their interiors.
+fn judged_steps(
     pairs: &[(Polygon, Polygon)],
-    options: &SampleOptions,
-) -> Result<Vec<Minimum>> {
-    let steps: Vec<(Step<f64>, Raster)> = pairs
-        .par_iter()
-        .map(|(from, to)| {
-            let step = Step::new(coordinates, from, to, Frame::common_scale([from, to]));
-            let raster = Raster::new(&step.outline, options.resolution);
-            (step, raster)
-        })
-        .collect();
-    let interior = interior(engine, &steps)?;
-    let found = pairs.iter().zip(steps.iter().zip(interior));
-    Ok(found.map(|((from, to), ((step, raster), interior))| minimum(from, to, step, raster, interior)).collect())
+    steps: &[(Step<f64>, Raster)],
+    interior: Vec<Vec<Sample>>,
+    effort: &Effort,
+) -> Vec<Minimum> {
+    let all = pairs.par_iter().zip(steps).zip(interior);
+    all.map(|(((from, to), step), interior)| minimum(from, to, step, interior, effort)).collect()
 }
 
 /// The smallest samples of the interiors, where `engine` works. What the kernel cannot do the CPU
@@ -131,8 +182,15 @@ pub(super) fn check(coordinates: Coordinates, from: &Polygon, to: &Polygon) -> R
     coordinates.check(from)
 }
 
-fn minimum(from: &Polygon, to: &Polygon, step: &Step<f64>, raster: &Raster, interior: Vec<Sample>) -> Minimum {
+fn minimum(
+    from: &Polygon,
+    to: &Polygon,
+    (step, raster): &(Step<f64>, Raster),
+    interior: Vec<Sample>,
+    effort: &Effort,
+) -> Minimum {
     let frame = Frame::of(from, Frame::common_scale([from, to]));
+    let sweep = SweepStep::new(step);
     let mut best = vertices(step, from);
     let mut offer = |sample: Option<Sample>, kind: MinimumKind| {
         let Some(sample) = sample else { return };
@@ -140,23 +198,14 @@ fn minimum(from: &Polygon, to: &Polygon, step: &Step<f64>, raster: &Raster, inte
             best = Minimum { value: sample.value, at: frame.world(sample.at), kind };
         }
     };
-    offer(edges(step), MinimumKind::Edge);
-    offer(follow(step, raster, interior), MinimumKind::Interior);
+    offer(edges(&sweep, effort), MinimumKind::Edge);
+    offer(follow(&sweep, raster, interior, effort), MinimumKind::Interior);
     best
 }
 
 /// Orders values so that a sample that is not finite is the smallest.
-fn judged(value: f64) -> f64 {
+pub(super) fn judged(value: f64) -> f64 {
     if value.is_finite() { value } else { f64::NEG_INFINITY }
-}
-
-/// The smaller sample, the first where they are equal.
-fn least(samples: impl IntoIterator<Item = Sample>) -> Option<Sample> {
-    samples.into_iter().reduce(|a, b| if b.value < a.value { b } else { a })
-}
-
-fn jacobian(step: &Step<f64>, p: [f64; 2]) -> Sample {
-    Sample { value: judged(step.evaluate(p).jacobian), at: p }
 }
 
 /// The smallest limit at a vertex; coordinates other than mean value ones are smooth there.
@@ -172,73 +221,31 @@ fn vertices(step: &Step<f64>, from: &Polygon) -> Minimum {
         .collect();
     let worlds = from.vertices().zip(values);
     let minimum = |(at, value)| Minimum { value, at, kind: MinimumKind::Vertex };
-    let none = Minimum { value: f64::NEG_INFINITY, at: glam::DVec2::ZERO, kind: MinimumKind::Vertex };
+    let none = Minimum { value: f64::NEG_INFINITY, at: DVec2::ZERO, kind: MinimumKind::Vertex };
     worlds.map(minimum).reduce(|a, b| if b.value < a.value { b } else { a }).unwrap_or(none)
 }
 
 /// The smallest Jacobian on the edges: samples, and a search by golden section around the smallest.
-fn edges(step: &Step<f64>) -> Option<Sample> {
-    let outline = &step.outline;
-    let samples = EdgeSamples::new(outline.len());
+fn edges(sweep: &SweepStep<'_, f64>, effort: &Effort) -> Option<Sample> {
+    let outline = &sweep.step.outline;
+    let samples = EdgeSamples::new(outline.len(), effort.on_edge);
     let ends: Vec<(usize, usize)> = outline.edges().collect();
-    let sweep = SweepStep::new(step);
-    let lanes = Lanes::detect();
-    let per_edge: Vec<Vec<Sample>> = ends
-        .par_chunks(TASK)
-        .flat_map_iter(|ends| {
-            let place = |&(i, k): &(usize, usize)| samples.fractions.iter().map(move |&s| on_edge(outline, i, k, s));
-            let points: Vec<[f64; 2]> = ends.iter().flat_map(place).collect();
-            let jacobians = sweep.jacobians(lanes, &SweepPoints::new(&points, None));
-            let all: Vec<Sample> =
-                points.into_iter().zip(jacobians).map(|(at, j)| Sample { value: judged(j), at }).collect();
-            all.chunks(samples.fractions.len()).map(<[Sample]>::to_vec).collect::<Vec<_>>()
-        })
-        .collect();
+    let found: Vec<Sample> = ends.par_chunks(TASK).flat_map_iter(|ends| edge_samples(sweep, ends, &samples)).collect();
     // Samples no larger than their neighbours on the edge.
-    let mut low: Vec<(f64, usize, usize)> = Vec::new();
-    for (edge, values) in per_edge.iter().enumerate() {
+    let mut low: Vec<(Sample, usize, usize)> = Vec::new();
+    for (edge, values) in found.chunks_exact(samples.fractions.len()).enumerate() {
         for (j, sample) in values.iter().enumerate() {
             let below = |other: Option<&Sample>| other.is_none_or(|o| sample.value <= o.value);
             if below(j.checked_sub(1).map(|j| &values[j])) && below(values.get(j + 1)) {
-                low.push((sample.value, edge, j));
+                low.push((*sample, edge, j));
             }
         }
     }
-    low.sort_by(|a, b| a.0.total_cmp(&b.0));
-    low.truncate(2 * FOLLOWED);
-    let found: Vec<Sample> = low
-        .par_iter()
-        .map(|&(_, edge, j)| {
-            let (i, k) = ends[edge];
-            let best = golden_section(samples.around(j), |s| jacobian(step, on_edge(outline, i, k, s)));
-            if best.value < per_edge[edge][j].value { best } else { per_edge[edge][j] }
-        })
-        .collect();
-    least(found)
-}
-
-/// The smallest of the samples met by a search in `range`.
-fn golden_section(range: std::ops::Range<f64>, f: impl Fn(f64) -> Sample) -> Sample {
-    let ratio = 0.5 * (5f64.sqrt() - 1.0);
-    let (mut low, mut high) = (range.start, range.end);
-    let (mut x, mut y) = (high - ratio * (high - low), low + ratio * (high - low));
-    let (mut a, mut b) = (f(x), f(y));
-    let mut best = if b.value < a.value { b } else { a };
-    // 0.618^40 is 4e-9; the value is known to the square of that.
-    for _ in 0..40 {
-        if a.value <= b.value {
-            (high, y, b) = (y, x, a);
-            x = high - ratio * (high - low);
-            a = f(x);
-            best = if a.value < best.value { a } else { best };
-        } else {
-            (low, x, a) = (x, y, b);
-            y = low + ratio * (high - low);
-            b = f(y);
-            best = if b.value < best.value { b } else { best };
-        }
-    }
-    best
+    low.sort_by(|a, b| a.0.value.total_cmp(&b.0.value));
+    low.truncate(2 * effort.followed);
+    let starts: Vec<_> = low.iter().map(|&(_, edge, j)| (ends[edge], samples.around(j))).collect();
+    let followed = along_edges(sweep, &starts, effort.rounds);
+    least(low.iter().zip(followed).map(|(start, found)| if found.value < start.0.value { found } else { start.0 }))
 }
 
 /// The smallest sample of every piece of the raster, on lanes.
@@ -263,57 +270,20 @@ fn interior_samples<E: LaneScalar>(step: &Step<f64>, raster: &Raster) -> Vec<Sam
 }
 
 /// The smallest Jacobian inside: from the smallest samples downhill.
-fn follow(step: &Step<f64>, raster: &Raster, mut samples: Vec<Sample>) -> Option<Sample> {
+fn follow(sweep: &SweepStep<'_, f64>, raster: &Raster, mut samples: Vec<Sample>, effort: &Effort) -> Option<Sample> {
     // Stable: equal values stay in the order of the raster.
     samples.sort_by(|a, b| a.value.total_cmp(&b.value));
-    let mut starts: Vec<Sample> = Vec::with_capacity(FOLLOWED);
+    let mut starts: Vec<[f64; 2]> = Vec::with_capacity(effort.followed);
     for sample in samples {
-        if starts.len() == FOLLOWED {
+        if starts.len() == effort.followed {
             break;
         }
-        let near = |s: &Sample| (0..2).all(|axis| (s.at[axis] - sample.at[axis]).abs() < APART * raster.pixel);
+        let near = |s: &[f64; 2]| (0..2).all(|axis| (s[axis] - sample.at[axis]).abs() < APART * raster.pixel);
         if !starts.iter().any(near) {
-            starts.push(sample);
+            starts.push(sample.at);
         }
     }
-    // What the device or single precision found is judged again here.
-    let found: Vec<Sample> = starts.par_iter().map(|s| descend(step, jacobian(step, s.at), raster.pixel)).collect();
-    least(found)
-}
-
-/// Downhill by compass search within the polygon, from a stride of one pixel.
-fn descend(step: &Step<f64>, start: Sample, pixel: f64) -> Sample {
-    const DIAGONAL: f64 = std::f64::consts::FRAC_1_SQRT_2;
-    const COMPASS: [[f64; 2]; 8] = [
-        [1.0, 0.0],
-        [DIAGONAL, DIAGONAL],
-        [0.0, 1.0],
-        [-DIAGONAL, DIAGONAL],
-        [-1.0, 0.0],
-        [-DIAGONAL, -DIAGONAL],
-        [0.0, -1.0],
-        [DIAGONAL, -DIAGONAL],
-    ];
-    let mut best = start;
-    let mut stride = pixel;
-    // A smooth minimum is known to the square of the last stride.
-    let finest = pixel.min(1e-3) * 1e-4;
-    for _ in 0..200 {
-        if !(stride > finest) || !best.value.is_finite() {
-            break;
-        }
-        let around = COMPASS
-            .iter()
-            .map(|d| [best.at[0] + stride * d[0], best.at[1] + stride * d[1]])
-            .filter(|p| contains(&step.outline, *p))
-            .map(|p| jacobian(step, p));
-        match least(around) {
-            Some(s) if s.value < best.value => {
-                best = s;
-                stride *= 1.25;
-            }
-            _ => stride *= 0.4,
-        }
-    }
-    best
+    // What the device or single precision found is judged again there.
+    let finest = raster.pixel.min(1e-3) * effort.finest;
+    least(downhill(sweep, &starts, raster.pixel, finest))
 }

@@ -6,6 +6,7 @@ pub mod certificate;
 mod composite;
 #[cfg(test)]
 mod composite_tests;
+mod descent;
 mod frame;
 #[doc(hidden)]
 pub mod gpu;
@@ -58,7 +59,7 @@ pub use map_points::{map_points, map_points_with_derivatives};
 pub use minimum::{Minimum, MinimumKind, SampleOptions};
 #[doc(hidden)]
 pub use partition::partition_with;
-pub use partition::{Partition, PartitionKind, PartitionOptions, StepReport, partition};
+pub use partition::{LivePartition, Partition, PartitionKind, PartitionOptions, StepReport, partition};
 #[cfg(test)]
 pub(crate) use patches::twins as patch_twins;
 #[doc(hidden)]

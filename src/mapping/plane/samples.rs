@@ -114,9 +114,9 @@ pub(super) struct EdgeSamples {
 
 impl EdgeSamples {
     /// Samples for a polygon of `n` vertices: independent of any resolution, fewer on each of many
-    /// edges.
-    pub(super) fn new(n: usize) -> Self {
-        let count = (8192 / n.max(1)).clamp(8, 32);
+    /// edges, at most `most` and at least 8.
+    pub(super) fn new(n: usize, most: usize) -> Self {
+        let count = (8192 / n.max(1)).clamp(8, most.max(8));
         let at = |i: usize| 0.5 - 0.5 * (std::f64::consts::PI * (i as f64 + 0.5) / count as f64).cos();
         Self { fractions: (0..count).map(at).collect() }
     }

@@ -7,6 +7,7 @@ use super::mean_value::AT_VERTEX;
 use super::outline::Outline;
 use super::passes::{Corner, around, moved};
 use super::step::{Coordinates, Step, determinant};
+use crate::engine::lane::MAX_LANES;
 use crate::engine::{Lane, LaneScalar, Lanes, Real, Sweep, TILE};
 
 /// Points component by component, in whole tiles; what fills the last one is a copy of the last
@@ -24,7 +25,16 @@ pub(super) struct SweepPoints<E> {
 impl<E: Real> SweepPoints<E> {
     /// `points`, at least one, and the derivatives they come with.
     pub(super) fn new(points: &[[E; 2]], derivatives: Option<&[[[E; 2]; 2]]>) -> Self {
-        let whole = points.len().next_multiple_of(TILE);
+        Self::padded(points, derivatives, TILE)
+    }
+
+    /// Fewer points than a tile, at least one, padded to whole groups of lanes only.
+    pub(super) fn few(points: &[[E; 2]]) -> Self {
+        Self::padded(points, None, MAX_LANES)
+    }
+
+    fn padded(points: &[[E; 2]], derivatives: Option<&[[[E; 2]; 2]]>, to: usize) -> Self {
+        let whole = points.len().next_multiple_of(to);
         let padded = |of: &dyn Fn(usize) -> E| (0..whole).map(|i| of(i.min(points.len() - 1))).collect::<Vec<E>>();
         let derivative = match derivatives {
             None => Default::default(),

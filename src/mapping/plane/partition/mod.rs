@@ -3,6 +3,7 @@
 
 #[cfg(test)]
 mod continuity_tests;
+mod live;
 #[cfg(test)]
 mod random_tests;
 mod steps;
@@ -21,6 +22,7 @@ use crate::progress::Progress;
 use super::bounds::{SufficientBound, sufficient_bound};
 use super::path::{Base, PathKind, Relaxed, VertexPath, vertex_path};
 use super::{Cage, Coordinates, Minimum, SampleOptions, jacobian_min};
+pub use live::LivePartition;
 pub use steps::Evaluate;
 use steps::{Found, Steps};
 
@@ -113,8 +115,16 @@ pub struct Partition {
     /// Whether a step folds, as far as was sampled. Such steps are the ones whose minimum is not
     /// positive.
     pub folds: bool,
-    /// The sufficient conditions of the paper, sampled.
-    pub sufficient_bound: SufficientBound,
+    /// The coordinates of its steps.
+    pub coordinates: Coordinates,
+}
+
+impl Partition {
+    /// The sufficient conditions of the paper on it, sampled. O(samples n), longer than a partition
+    /// of few steps takes.
+    pub fn sufficient_bound(&self) -> SufficientBound {
+        sufficient_bound(self.coordinates, &self.polygons)
+    }
 }
 
 /// How far a partition is refined.
@@ -308,10 +318,10 @@ fn describe_fold(partition: &Found) -> String {
     })
 }
 
-/// With the notes, and the bounds of the paper on what was found.
+/// With the notes.
 fn finish(found: Found, route: Arc<dyn VertexPath>, notes: Vec<String>, coordinates: Coordinates) -> Partition {
     Partition {
-        sufficient_bound: sufficient_bound(coordinates, &found.polygons),
+        coordinates,
         folds: found.folds(),
         polygons: found.polygons,
         knots: found.knots,

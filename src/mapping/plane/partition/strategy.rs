@@ -49,7 +49,7 @@ impl Steps<'_, '_> {
 
     /// Listing 1 within the intervals of `knots`, breadth first: a step that folds is halved unless
     /// it is no longer than `eps`.
-    fn halved(&mut self, knots: Vec<f64>, limits: &Limits) -> Result<Vec<f64>, Stop> {
+    pub(super) fn halved(&mut self, knots: Vec<f64>, limits: &Limits) -> Result<Vec<f64>, Stop> {
         let mut depth: Vec<(f64, f64)> = knots.windows(2).map(|w| (w[0], w[1])).collect();
         let mut knots = knots;
         while !depth.is_empty() {

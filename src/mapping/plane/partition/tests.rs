@@ -184,7 +184,7 @@ fn sufficient_bounds_follow_the_lemmas() {
     // One vertex moves: Lemma 1. J_min = 1 - 1.828 s is not far from what it promises.
     let cage = cage(&square(0.0), &square(0.05));
     let direct = found(&cage, &PartitionOptions { kind: PartitionKind::Direct, ..binary(PathKind::Linear, 64) });
-    let bound = &direct.sufficient_bound;
+    let bound = &direct.sufficient_bound();
     let step = bound.steps[0];
     let lemma_1 = step.lemma_1.unwrap();
     assert!(direct.steps[0].minimum.value >= 1.0 - lemma_1 * 1.01, "J >= 1 - M_i |u|");
