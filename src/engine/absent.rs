@@ -55,6 +55,9 @@ absent! {
     UniformBlocks<T>: fn() -> T;
     PingPong<T>: fn() -> T;
     Table: ();
+    Canvas: ();
+    CommandEncoder: ();
+    TextureView: ();
     Pyramid: ();
     Submission: ();
     Binding<'a>: &'a ();
@@ -106,6 +109,10 @@ impl Gpu {
         fn write[T: Pod](&self, buffer: &Buffer<T>, first: usize, values: &[T]) -> Result<()>;
         fn uniform[T: Pod](&self, label: &str, value: &T) -> Result<UniformBlocks<T>>;
         fn uniform_blocks[T: Pod](&self, label: &str, values: &[T]) -> Result<UniformBlocks<T>>;
+        fn write_uniform[T: Pod](&self, blocks: &UniformBlocks<T>, values: &[T]) -> Result<()>;
+        fn write_table[T: Pod](&self, table: &Table, first: usize, records: &[T]) -> Result<()>;
+        fn canvas(&self, label: &str, size: [u32; 2]) -> Result<Canvas>;
+        fn read_canvas(&self, canvas: &Canvas) -> Result<Vec<[u8; 4]>>;
         fn bind(&self, pipeline: &Pipeline, bindings: &[Binding<'_>]) -> Result<BindGroup>;
         fn batch(&self) -> Result<Batch<'_>>;
         fn wait(&self, submission: &Submission) -> Result<()>;
@@ -129,6 +136,12 @@ impl Gpu {
         ) -> Result<Pyramid>;
         fn read[T: Pod](&self, from: &Buffer<T>, range: Range<usize>) -> Result<Vec<T>>;
         fn read_async[T: Pod](&self, from: &Buffer<T>, range: Range<usize>) -> Ready<Result<Vec<T>>>;
+    }
+}
+
+impl Gpu {
+    pub fn batch_into<'a>(&'a self, _encoder: &'a mut CommandEncoder) -> Result<Batch<'a>> {
+        match self.never {}
     }
 }
 
@@ -172,6 +185,14 @@ impl<T: Pod> PingPong<T> {
 
 impl Table {
     never! { fn bind(&self) -> Binding<'_>; }
+}
+
+impl Canvas {
+    never! {
+        fn bind(&self) -> Binding<'_>;
+        fn view(&self) -> &TextureView;
+        fn size(&self) -> [u32; 2];
+    }
 }
 
 impl Pyramid {
@@ -261,6 +282,10 @@ impl<'a, T: Pod> Staging<'a, T> {
     }
 
     pub fn record_all(&mut self, _batch: &mut Batch<'_>, _from: &Buffer<T>) -> Result<()> {
+        match self.never {}
+    }
+
+    pub fn poll<R>(&mut self, _use: impl FnOnce(&[T]) -> R) -> Result<Option<R>> {
         match self.never {}
     }
 

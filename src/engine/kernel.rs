@@ -26,6 +26,8 @@ pub enum BindingKind {
     Texture,
     /// A filtering sampler.
     Sampler,
+    /// A texture that the kernel writes and a window shows, see [`Canvas`](super::Canvas).
+    Canvas,
 }
 
 /// The host twin of a struct shared with a kernel.

@@ -33,7 +33,7 @@ pub use device::{
     Batch, BindGroup, Binding, Buffer, Gpu, PingPong, Pipeline, ReadbackRing, Staging, Submission, Table, UniformBlocks,
 };
 #[doc(hidden)]
-pub use device::{Pyramid, Word};
+pub use device::{Canvas, CommandEncoder, Pyramid, TextureView, Word};
 pub use kernel::{BindingKind, GROUP, Kernel, Layout, Span};
 #[doc(hidden)]
 pub use kernel::{SPAN_LAYOUT, UNIFORM_BLOCK};

@@ -3,7 +3,8 @@
 
 use naga::valid::{Capabilities, GlobalUse, ModuleInfo, ValidationFlags, Validator};
 use naga::{
-    AddressSpace, Expression, Handle, ImageClass, MathFunction, Module, ScalarKind, StorageAccess, Type, TypeInner,
+    AddressSpace, Expression, Handle, ImageClass, MathFunction, Module, ScalarKind, StorageAccess, StorageFormat, Type,
+    TypeInner,
 };
 
 use super::kernel::{BindingKind, Kernel, Layout, SPAN_LAYOUT};
@@ -126,6 +127,11 @@ fn binding_faults(kernel: &Kernel, module: &Module, info: &ModuleInfo, found: &m
                     ScalarKind::Uint => BindingKind::Table,
                     _ => BindingKind::Texture,
                 })
+            }
+            (AddressSpace::Handle, TypeInner::Image { class: ImageClass::Storage { format, access }, .. })
+                if *format == StorageFormat::Rgba8Unorm && *access == StorageAccess::STORE =>
+            {
+                Some(BindingKind::Canvas)
             }
             (AddressSpace::Handle, TypeInner::Sampler { comparison: false }) => Some(BindingKind::Sampler),
             _ => None,

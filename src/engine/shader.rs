@@ -25,6 +25,7 @@ const LIBRARY: &[(&str, &str)] = &[
     ("lib/halvings", include_str!("../../shaders/lib/halvings.wgsl")),
     ("lib/image", include_str!("../../shaders/lib/image.wgsl")),
     ("lib/lanczos", include_str!("../../shaders/lib/lanczos.wgsl")),
+    ("lib/lattice", include_str!("../../shaders/lib/lattice.wgsl")),
     ("lib/matching", include_str!("../../shaders/lib/matching.wgsl")),
     ("lib/mean_value", include_str!("../../shaders/lib/mean_value.wgsl")),
     ("lib/mean_value_3d", include_str!("../../shaders/lib/mean_value_3d.wgsl")),

@@ -51,6 +51,13 @@ impl Drop for Herald {
     }
 }
 
+impl Arrival {
+    /// Whether the copy has ended; returns at once.
+    pub(super) fn is_there(&self) -> bool {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).outcome.is_some()
+    }
+}
+
 impl Future for Arrival {
     type Output = Outcome;
 

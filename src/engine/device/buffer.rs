@@ -173,13 +173,31 @@ impl Gpu {
         let blocks = values.len().div_ceil(per).max(1) as u64;
         let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let (raw, share) = self.allocate(label, blocks * UNIFORM_BLOCK, usage)?;
-        self.scoped("upload", || {
-            for (i, block) in values.chunks(per).enumerate() {
-                self.queue.write_buffer(&raw, i as u64 * UNIFORM_BLOCK, bytemuck::cast_slice(block));
-                self.counters.up(size_of_val(block) as u64);
-            }
-        })?;
+        self.scoped("upload", || self.fill_blocks(&raw, values))?;
         Ok(UniformBlocks { raw, len: values.len(), _share: share, _type: PhantomData })
+    }
+
+    /// Overwrites the first values of uniform blocks. What was submitted before still sees the old
+    /// ones.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if there are more values than the blocks were made for, or the device
+    /// refuses.
+    pub fn write_uniform<T: Pod>(&self, blocks: &UniformBlocks<T>, values: &[T]) -> Result<()> {
+        if values.len() > blocks.len {
+            return Err(Error::Device {
+                what: format!("{} values for uniform blocks of {}", values.len(), blocks.len),
+                remedy: "This is a fault of barymap: please report it".into(),
+            });
+        }
+        self.scoped("upload", || self.fill_blocks(&blocks.raw, values))
+    }
+
+    fn fill_blocks<T: Pod>(&self, raw: &wgpu::Buffer, values: &[T]) {
+        for (i, block) in values.chunks(UniformBlocks::<T>::PER_BLOCK.max(1)).enumerate() {
+            self.queue.write_buffer(raw, i as u64 * UNIFORM_BLOCK, bytemuck::cast_slice(block));
+            self.counters.up(size_of_val(block) as u64);
+        }
     }
 
     /// Binds `bindings`, in the order of the kernel's table.

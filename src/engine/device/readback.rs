@@ -127,6 +127,19 @@ impl<'a, T: Pod> Staging<'a, T> {
         self.slot.record(batch, from, &[all], self.len)
     }
 
+    /// Hands the values of the last copies to `use_` if they have arrived; returns at once. Their
+    /// batch may lie in another's encoder, which its owner has submitted or will.
+    ///
+    /// # Errors
+    /// As [`Staging::take`], and if the encoder was dropped.
+    pub fn poll<R>(&mut self, use_: impl FnOnce(&[T]) -> R) -> Result<Option<R>> {
+        // Without an index to wait for, so that it may overlap with a wait.
+        let _ = self.gpu.device.poll(wgpu::PollType::Poll);
+        self.gpu.check()?;
+        let arrived = self.slot.pending.as_ref().is_none_or(|(_, arrival)| arrival.is_there());
+        arrived.then(|| block_on(self.slot.take(self.gpu, use_))).transpose()
+    }
+
     /// Hands the values of the last copies to `use_`. The caller has waited for its submission.
     ///
     /// # Errors

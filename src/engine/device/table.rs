@@ -21,6 +21,7 @@ const TEXEL: usize = 16;
 /// A read-only table of records of whole texels (16 bytes).
 #[derive(Debug)]
 pub struct Table {
+    texture: wgpu::Texture,
     view: wgpu::TextureView,
     _share: Share,
 }
@@ -68,7 +69,7 @@ impl Gpu {
         };
         self.counters.allocation();
         self.counters.up_once(whole.len() as u64);
-        let view = self.scoped(&format!("table '{label}'"), || {
+        let texture = self.scoped(&format!("table '{label}'"), || {
             let texture = self.device.create_texture(&wgpu::TextureDescriptor {
                 label: Some(label),
                 size,
@@ -85,8 +86,50 @@ impl Gpu {
                 rows_per_image: Some(height as u32),
             };
             self.queue.write_texture(texture.as_image_copy(), whole, layout, size);
-            texture.create_view(&wgpu::TextureViewDescriptor::default())
+            texture
         })?;
-        Ok(Table { view, _share: share })
+        let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+        Ok(Table { texture, view, _share: share })
+    }
+
+    /// Overwrites records from `first` on. What was submitted before still sees the old ones.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the records do not fit the table or the device refuses.
+    pub fn write_table<T: Pod>(&self, table: &Table, first: usize, records: &[T]) -> Result<()> {
+        let (width, height) = (WIDTH as usize, table.texture.height() as usize);
+        let each = size_of::<T>() / TEXEL;
+        let (begin, end) = (first.saturating_mul(each), first.saturating_add(records.len()).saturating_mul(each));
+        if !size_of::<T>().is_multiple_of(TEXEL) || end > width * height {
+            return Err(Error::Device {
+                what: format!("records {first}..{} of a table of {height} rows", first.saturating_add(records.len())),
+                remedy: "This is a fault of barymap: please report it".into(),
+            });
+        }
+        let bytes: &[u8] = bytemuck::cast_slice(records);
+        self.counters.up(bytes.len() as u64);
+        self.scoped("upload", || {
+            let mut at = begin;
+            while at < end {
+                // To the end of a row, or as many whole rows as there are.
+                let (x, y) = (at % width, at / width);
+                let rows = if x == 0 { ((end - at) / width).max(1) } else { 1 };
+                let columns = (end - at).min(width - x);
+                let target = wgpu::TexelCopyTextureInfo {
+                    origin: wgpu::Origin3d { x: x as u32, y: y as u32, z: 0 },
+                    ..table.texture.as_image_copy()
+                };
+                let layout = wgpu::TexelCopyBufferLayout {
+                    offset: 0,
+                    bytes_per_row: Some((columns * TEXEL) as u32),
+                    rows_per_image: None,
+                };
+                let extent = wgpu::Extent3d { width: columns as u32, height: rows as u32, depth_or_array_layers: 1 };
+                let count = columns * rows;
+                let values = &bytes[(at - begin) * TEXEL..(at - begin + count) * TEXEL];
+                self.queue.write_texture(target, values, layout, extent);
+                at += count;
+            }
+        })
     }
 }

@@ -20,6 +20,7 @@ fn entry((binding, kind): (usize, &BindingKind)) -> Value {
         BindingKind::Table => json!({ "texture": { "sampleType": "uint" } }),
         BindingKind::Texture => json!({ "texture": { "sampleType": "float" } }),
         BindingKind::Sampler => json!({ "sampler": { "type": "filtering" } }),
+        BindingKind::Canvas => json!({ "storageTexture": { "access": "write-only", "format": "rgba8unorm" } }),
     };
     entry["binding"] = binding.into();
     // GPUShaderStage.COMPUTE.
