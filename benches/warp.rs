@@ -20,7 +20,7 @@ use barymap::tools::warp::footprint::{Footprint, Footprints, Seen};
 use barymap::tools::warp::gpu::warp_image;
 use barymap::tools::warp::pyramid::Pyramid;
 use barymap::tools::warp::store::{Colors, gather_and_store};
-use barymap::tools::warp::{Filter, Preview, WarpOptions, warp_picture};
+use barymap::tools::warp::{DevicePreview, Filter, Preview, WarpOptions, warp_picture};
 use glam::{DVec2, UVec2};
 use support::{Result, best, once};
 
@@ -271,6 +271,19 @@ fn dragged() -> Result<()> {
             let [a, b, c] = spent;
             let backend = engine.description().backend.clone();
             println!("| {backend} | {vertices} | {a:.1} | {b:.1} | {c:.1} | {:.1} |", 1e3 / (a + b + c));
+            let Some(gpu) = engine.gpu() else { continue };
+            let mut drawn = DevicePreview::new(&engine, &image, &made(0)?, canvas)?;
+            gpu.wait(&drawn.draw(&made(0)?)?)?;
+            let mut spent = [0.0; 2];
+            for frame in 0..FRAMES {
+                let (map, a) = once(|| made(frame));
+                let map = map?;
+                let (shown, b) = once(|| drawn.draw(&map).and_then(|submission| gpu.wait(&submission)));
+                shown?;
+                [a, b].iter().zip(&mut spent).for_each(|(t, s)| *s += 500.0 * t.cpu / FRAMES as f64);
+            }
+            let [a, b] = spent;
+            println!("| {backend}, canvas too | {vertices} | {a:.1} | | {b:.1} | {:.1} |", 1e3 / (a + b));
         }
     }
     Ok(())

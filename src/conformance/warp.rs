@@ -8,7 +8,7 @@ use crate::engine::Engine;
 use crate::error::Result;
 use crate::mapping::plane::{Cage, CompositeMap, PartitionKind, PartitionOptions, PathKind, partition};
 use crate::progress::Quiet;
-use crate::tools::warp::{Filter, WarpOptions, warp_picture};
+use crate::tools::warp::{DevicePreview, Filter, Preview, WarpOptions, warp_picture};
 
 pub(super) const CHECKS: &[Check] = &[
     Check { name: "warp, bilinear", measure: |engine| warp(engine, Filter::Bilinear), ..WARP },
@@ -19,6 +19,15 @@ pub(super) const CHECKS: &[Check] = &[
         name: "warp with its Jacobian",
         kernels: &["jacobian_min", "warp_image"],
         measure: |engine| warp_with(engine, &WarpOptions { jacobian: true, ..WarpOptions::default() }),
+        ..WARP
+    },
+    Check {
+        name: "preview of a warp",
+        kernels: &["map_points", "paint_lattice", "paint_wide", "show_lattice"],
+        // A place between two that the picture is read at takes either, as does a colour between
+        // two levels.
+        tolerance: 2.0,
+        measure: preview,
         ..WARP
     },
 ];
@@ -74,6 +83,25 @@ fn warp_with(engine: &Engine, options: &WarpOptions) -> Result<Outcome> {
         })
     };
     let (found, on_cpu) = (run(engine)?, run(&Engine::cpu())?);
+    let apart = levels(&found.value, &on_cpu.value);
+    Ok(outcome(&found, &on_cpu, quantile(apart, 0.999)))
+}
+
+/// A dragged frame, on one lattice.
+fn preview(engine: &Engine) -> Result<Outcome> {
+    let picture = picture(SIZE[0], SIZE[1])?;
+    let cage = cage()?;
+    let steps =
+        PartitionOptions { kind: PartitionKind::Uniform(3), path: PathKind::Linear, ..PartitionOptions::default() };
+    let polygons = partition(&Engine::cpu(), &cage, &steps, &Quiet)?.polygons;
+    let map = CompositeMap::new(steps.coordinates, polygons)?;
+    let mut drawn = DevicePreview::new(engine, &picture, &map, SIZE.into())?;
+    let found = timed(|| {
+        drawn.draw(&map)?;
+        drawn.frame()
+    })?;
+    let preview = Preview::new(engine, &picture, &map, SIZE.into())?;
+    let on_cpu = timed(|| preview.frame())?;
     let apart = levels(&found.value, &on_cpu.value);
     Ok(outcome(&found, &on_cpu, quantile(apart, 0.999)))
 }

@@ -39,6 +39,11 @@ impl Frame {
         if size > 0.0 && size.is_finite() { (-size.log2().ceil()).exp2() } else { 1.0 }
     }
 
+    /// Where local coordinates are 0.
+    pub(crate) fn origin(&self) -> DVec2 {
+        self.vertex + self.middle
+    }
+
     /// Into local coordinates, rounded to `R` at the end.
     pub fn local<R: Real>(&self, p: DVec2) -> [R; 2] {
         let q = (p - self.vertex - self.middle) * self.scale;

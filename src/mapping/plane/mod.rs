@@ -48,6 +48,7 @@ pub use cage::MAX_VERTICES;
 pub use certificate::{CertifyOptions, Verdict, certify};
 pub use composite::{CompositeMap, Mapped};
 pub use frame::Frame;
+pub(crate) use gpu::{MappedNodes, Mapping};
 #[doc(hidden)]
 pub use jacobian_min::MOST_RESOLUTION;
 pub use jacobian_min::jacobian_min;

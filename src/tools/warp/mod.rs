@@ -34,12 +34,14 @@ pub mod pyramid;
 #[doc(hidden)]
 pub mod store;
 
+mod device_preview;
 mod direct;
 mod driver;
 mod interpolate;
 mod sight;
 
 pub use crate::picture::Filter;
+pub use device_preview::DevicePreview;
 #[doc(hidden)]
 pub use driver::Evaluations;
 pub use driver::{LARGEST_SIDE, WarpOptions, WarpOutput, WarpStats, warp_picture};

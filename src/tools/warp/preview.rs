@@ -19,10 +19,10 @@ use crate::picture::{Depth, Image, Pixels};
 #[derive(Clone, Debug)]
 pub struct Preview {
     /// RGBA, multiplied by alpha, one texel of border on every side.
-    texels: Vec<u32>,
-    size: UVec2,
+    pub(super) texels: Vec<u32>,
+    pub(super) size: UVec2,
     canvas: UVec2,
-    lattice: Lattice,
+    pub(super) lattice: Lattice,
 }
 
 impl Preview {

@@ -14,7 +14,7 @@ pub(super) static MAP_POINTS: [Kernel; 3] = [
     variant(&[("DERIVATIVE", 1.0), ("MANY", 0.0), ("BLOCKED", 1.0)]),
     variant(&[("DERIVATIVE", 1.0), ("MANY", 1.0), ("BLOCKED", 1.0)]),
 ];
-static MAP_POINTS_ALONE: [Kernel; 3] = [
+pub(super) static MAP_POINTS_ALONE: [Kernel; 3] = [
     variant(&[("DERIVATIVE", 0.0), ("MANY", 0.0), ("BLOCKED", 0.0)]),
     variant(&[("DERIVATIVE", 0.0), ("MANY", 0.0), ("BLOCKED", 1.0)]),
     variant(&[("DERIVATIVE", 0.0), ("MANY", 1.0), ("BLOCKED", 1.0)]),
@@ -51,7 +51,7 @@ const LEAST_POINTS: usize = 1 << 12;
 /// What the kernel reads about a vertex: its image, and the derivative along its bisector.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
-struct VertexRecord {
+pub(super) struct VertexRecord {
     image: [f32; 2],
     unused: [f32; 2],
     derivative: [[f32; 2]; 2],
@@ -133,13 +133,7 @@ fn stage(gpu: &Gpu, step: &Step<f32>, from: &Tile, to: &Tile, wanted: bool, chai
     let kernels = if wanted { &MAP_POINTS } else { &MAP_POINTS_ALONE };
     let pipeline = gpu.pipeline(&kernels[size_class(n)])?;
     let derivatives = if wanted { step.vertex_derivatives() } else { &[] };
-    let record = |(k, image): (usize, &[f32; 2])| VertexRecord {
-        image: *image,
-        unused: [0.0; 2],
-        derivative: derivatives.get(k).copied().unwrap_or_default(),
-    };
-    let records: Vec<VertexRecord> = step.outline.images.iter().enumerate().map(record).collect();
-    let limits = gpu.table("vertex limits", &records)?;
+    let limits = gpu.table("vertex limits", &records(step, derivatives))?;
     let tables = StepTables::new(gpu, step, None, chained)?;
     let bindings: Vec<_> = tables
         .bindings()
@@ -148,4 +142,14 @@ fn stage(gpu: &Gpu, step: &Step<f32>, from: &Tile, to: &Tile, wanted: bool, chai
         .collect();
     let group = gpu.bind(&pipeline, &bindings)?;
     Ok(Stage { pipeline, group, work: n as u64, _tables: tables, _limits: limits })
+}
+
+/// The records of a step's vertices; derivatives that are not given are zero.
+pub(super) fn records(step: &Step<f32>, derivatives: &[[[f32; 2]; 2]]) -> Vec<VertexRecord> {
+    let record = |(k, image): (usize, &[f32; 2])| VertexRecord {
+        image: *image,
+        unused: [0.0; 2],
+        derivative: derivatives.get(k).copied().unwrap_or_default(),
+    };
+    step.outline.images.iter().enumerate().map(record).collect()
 }

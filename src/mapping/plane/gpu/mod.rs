@@ -10,10 +10,12 @@
 
 mod jacobian_min;
 mod map_points;
+mod nodes;
 mod tables;
 
 pub(super) use jacobian_min::piece_minima;
 pub(super) use map_points::map_on_device;
+pub(crate) use nodes::{MappedNodes, Mapping};
 pub(super) use tables::fits;
 pub use tables::{MOST_LOOPS, MOST_VERTICES, PlaneParams};
 

@@ -71,23 +71,20 @@ impl StepTables {
     /// Uploads a step; `raster` for samples of it, `chained` if derivatives of earlier steps are to
     /// be multiplied.
     pub(super) fn new(gpu: &Gpu, step: &Step<f32>, raster: Option<&Raster>, chained: bool) -> Result<Self> {
-        let outline = &step.outline;
-        let params = PlaneParams {
-            origin: raster.map_or([0.0; 2], |r| r.origin.map(|x| x as f32)),
-            pixel: raster.map_or(0.0, |r| r.pixel as f32),
-            loops: outline.loops.len() as u32,
-            chained: u32::from(chained),
-            far: outline.far,
-            ..PlaneParams::default()
-        };
-        let rings: Vec<[u32; 4]> = outline.loops.iter().map(|r| [r.start as u32, r.end as u32, 0, 0]).collect();
-        let corners: Vec<[f32; 4]> =
-            outline.vertices.iter().zip(&outline.displacements).map(|(v, u)| [v[0], v[1], u[0], u[1]]).collect();
+        let (params, rings, corners) = contents(step, raster, chained);
         Ok(Self {
             params: gpu.uniform("plane parameters", &params)?,
             rings: gpu.uniform_blocks("loops", &rings)?,
             corners: gpu.uniform_blocks("corners", &corners)?,
         })
+    }
+
+    /// Overwrites the step by another with as many vertices and loops, for points alone.
+    pub(super) fn write(&self, gpu: &Gpu, step: &Step<f32>) -> Result<()> {
+        let (params, rings, corners) = contents(step, None, false);
+        gpu.write_uniform(&self.params, &[params])?;
+        gpu.write_uniform(&self.rings, &rings)?;
+        gpu.write_uniform(&self.corners, &corners)
     }
 
     /// What both kernels bind first.
@@ -96,4 +93,20 @@ impl StepTables {
         let corners = (0..BLOCKS).map(|i| self.corners.bind(i));
         [self.params.bind(0), self.rings.bind(0)].into_iter().chain(corners).collect()
     }
+}
+
+/// Parameters, loops and corners of a step.
+fn contents(step: &Step<f32>, raster: Option<&Raster>, chained: bool) -> (PlaneParams, Vec<[u32; 4]>, Vec<[f32; 4]>) {
+    let outline = &step.outline;
+    let params = PlaneParams {
+        origin: raster.map_or([0.0; 2], |r| r.origin.map(|x| x as f32)),
+        pixel: raster.map_or(0.0, |r| r.pixel as f32),
+        loops: outline.loops.len() as u32,
+        chained: u32::from(chained),
+        far: outline.far,
+        ..PlaneParams::default()
+    };
+    let rings = outline.loops.iter().map(|r| [r.start as u32, r.end as u32, 0, 0]).collect();
+    let corners = outline.vertices.iter().zip(&outline.displacements).map(|(v, u)| [v[0], v[1], u[0], u[1]]).collect();
+    (params, rings, corners)
 }

@@ -8,6 +8,8 @@
 //! | `filter_pixels` | what they see of the picture | [`warp_image`](super::gather::warp_image) |
 //! | `store_pixels` | samples of the result | [`store`](super::store::store) |
 //! | `count_pixels` | what became of them | [`count_pixels`](pixels::count_pixels) |
+//! | `paint_lattice`, `paint_wide` | the triangle of a lattice that each pixel of a preview shows | [`Preimages`](crate::mapping::plane::Preimages) |
+//! | `show_lattice` | what the preview shows there | [`Preview`](super::Preview) |
 //! | `warp_image` | as `filter_pixels`, from windows of the picture | [`warp_image`](super::gather::warp_image) |
 //!
 //! A picture that fits the device goes up once, as it is stored, and so do the squares of the map's
@@ -15,6 +17,7 @@
 //! pre-images that no polynomial is bounded at, and what the target polygon covers. Other pictures
 //! go up in windows, decoded, with the pre-image of every pixel ([`warp_image`]).
 
+pub(super) mod lattice;
 #[doc(hidden)]
 pub mod picture;
 #[doc(hidden)]
@@ -46,6 +49,9 @@ pub const KERNELS: &[&Kernel] = &[
     &pixels::STORE_PIXELS[1][1],
     &pixels::STORE_PIXELS[2][0],
     &pixels::COUNT_PIXELS,
+    &lattice::PAINT_LATTICE,
+    &lattice::PAINT_WIDE,
+    &lattice::SHOW_LATTICE,
 ];
 
 /// The constants of the shaders that are these of Rust.
@@ -55,6 +61,7 @@ pub(crate) fn twins() -> Vec<crate::twins::Twin> {
     use crate::twins::of;
     [
         windowed::twins(),
+        lattice::twins(),
         crate::mapping::plane::patch_twins(),
         of(
             "lib/ellipse",
