@@ -14,9 +14,9 @@ use barymap::picture::{Image, Pixels};
 use barymap::progress::Quiet;
 use barymap::surface::correspondence::{CorrespondenceOptions, Method, Precision, correspondence};
 use barymap::surface::field::{Edit, Field, FieldOptions, FieldPair, FieldSession};
-use barymap::surface::gpu::correspondence_on;
+use barymap::surface::gpu::{DeviceMap, correspondence_on};
 use barymap::surface::{AnchorPairs, PackedImage, PackedPoint, PointMap};
-use barymap::tools::transfer::{Layer, LiveTransfer, TransferOptions, transfer};
+use barymap::tools::transfer::{DeviceLiveTransfer, Layer, LiveTransfer, TransferOptions, transfer};
 use support::{Result, Spent, Surface, best, data, once, random_points};
 
 const ANCHORS: [usize; 2] = [27, 93];
@@ -134,6 +134,30 @@ fn self_map(mesh: &Surface, count: usize) -> Result<()> {
     })?;
     let share = 100.0 * recolored as f64 / all as f64;
     row(&format!("the same, an anchor dragged, {share:.1} % of the texels coloured again"), spent, 1);
+    let Ok(engine) = Engine::new(EngineOptions { backend: Backend::Gpu, ..EngineOptions::default() }) else {
+        return Ok(());
+    };
+    let Some(gpu) = engine.gpu() else { return Ok(()) };
+    let mut map = DeviceMap::<Field<f32, 12>>::new(&engine, session.field().clone())?;
+    let mut live = DeviceLiveTransfer::new(&engine, &mesh.mesh, &layers, &mesh.mesh, &map, &options)?;
+    let (mut frames, mut edits, before) = (0, 0, gpu.traffic());
+    let spent = best(2 * ROUNDS, || {
+        away = !away;
+        let triangles = session.edit(&[Edit::Move(count / 2, start, if away { there } else { start })])?;
+        map.follow(session.field(), &triangles)?;
+        live.update(&triangles)?;
+        edits += 1;
+        loop {
+            frames += 1;
+            let (frame, submission) = live.draw(&map, 1 << 17)?;
+            gpu.wait(&submission)?;
+            if frame.left == 0 {
+                return Ok(());
+            }
+        }
+    })?;
+    let up = (gpu.traffic() - before).bytes_up / edits / 1000;
+    row(&format!("the same on a device, {} frames and {up} kB up an edit", frames / edits), spent, 1);
     Ok(())
 }
 

@@ -1,15 +1,25 @@
 //! A whole transfer of a texture.
 
-use super::{Check, Outcome, Scene, outcome, quantile, timed};
+use super::{Check, Outcome, Scene, device, outcome, quantile, timed};
 use crate::engine::Engine;
 use crate::error::Result;
 use crate::picture::{Depth, Image};
 use crate::progress::Quiet;
 use crate::surface::correspondence::CorrespondenceOptions;
 use crate::surface::gpu::correspondence_on;
-use crate::tools::transfer::{Layer, TransferOptions, transfer_on};
+use crate::tools::transfer::{DeviceLiveTransfer, Layer, TransferOptions, transfer_on};
 
-pub(super) const CHECKS: &[Check] = &[Check {
+pub(super) const CHECKS: &[Check] = &[
+    TRANSFER,
+    Check {
+        name: "live transfer of a texture",
+        kernels: &["blank_texels", "show_texels", "coverage_bits", "pad_seams", "copy_padding"],
+        measure: live,
+        ..TRANSFER
+    },
+];
+
+const TRANSFER: Check = Check {
     name: "transfer of a texture",
     kernels: &[
         "rasterize_atlas",
@@ -32,7 +42,7 @@ pub(super) const CHECKS: &[Check] = &[Check {
     // A colour between two levels rounds either way.
     tolerance: 1.0,
     measure: transfer,
-}];
+};
 
 /// Waves of colour.
 pub(super) fn picture(width: u32, height: u32) -> Result<Image> {
@@ -62,6 +72,38 @@ fn transfer(engine: &Engine) -> Result<Outcome> {
         })
     };
     let (found, on_cpu) = (run(engine)?, run(&Engine::cpu())?);
+    let (a, b) = (&found.value, &on_cpu.value);
+    let mut apart = levels(&a.0[0], &b.0[0]);
+    apart.extend(levels(&a.1, &b.1));
+    Ok(outcome(&found, &on_cpu, quantile(apart, 0.999)))
+}
+
+/// Every texel done anew by frames, against a transfer on the CPU.
+fn live(engine: &Engine) -> Result<Outcome> {
+    let scene = Scene::textured(60);
+    let (source, target) = scene.shapes();
+    let picture = picture(512, 512)?;
+    let layers = [Layer::single("colour", &picture)];
+    let options = TransferOptions { width: 512, height: 512, ..TransferOptions::default() };
+    let method = CorrespondenceOptions::default();
+    let (map, _) = correspondence_on(engine, source, target, &scene.anchors, &method)?;
+    let mut live = DeviceLiveTransfer::new(engine, source.mesh, &layers, target.mesh, map.as_ref(), &options)?;
+    let all: Vec<u32> = (0..target.mesh.triangle_count() as u32).collect();
+    let found = timed(|| {
+        live.update(&all)?;
+        loop {
+            let (frame, submission) = live.draw(map.as_ref(), 1 << 16)?;
+            device(engine)?.wait(&submission)?;
+            if frame.left == 0 {
+                return live.read();
+            }
+        }
+    })?;
+    let (map, _) = correspondence_on(&Engine::cpu(), source, target, &scene.anchors, &method)?;
+    let on_cpu = timed(|| {
+        transfer_on(&Engine::cpu(), source.mesh, &layers, target.mesh, map.as_ref(), &options, &Quiet)
+            .map(|whole| (whole.layers, whole.coverage))
+    })?;
     let (a, b) = (&found.value, &on_cpu.value);
     let mut apart = levels(&a.0[0], &b.0[0]);
     apart.extend(levels(&a.1, &b.1));

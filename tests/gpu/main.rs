@@ -12,6 +12,7 @@ mod device;
 mod encoding;
 mod encoding_bounds;
 mod field;
+mod live;
 mod patterns;
 mod plane;
 #[path = "../common/plane.rs"]
@@ -28,6 +29,7 @@ mod transfer_sample;
 #[path = "../common/tube.rs"]
 mod tube;
 mod warp;
+mod warp_preview;
 mod warp_resident;
 
 use std::sync::OnceLock;

@@ -122,6 +122,12 @@ pub struct Field<S: Real, const K: usize> {
     report: FieldReport,
 }
 
+impl<S: Real, const K: usize> Clone for Field<S, K> {
+    fn clone(&self) -> Self {
+        self.on(self.source.clone(), self.z.clone())
+    }
+}
+
 /// `(y, lambda x, 0)`.
 fn joined<const D: usize, const K: usize>(y: &Vector<f64, D>, lambda: f64, x: [f64; 3]) -> Vector<f64, K> {
     std::array::from_fn(|k| {
@@ -373,6 +379,13 @@ impl<S: Real, const K: usize> Field<S, K> {
         self.starts = starts;
     }
 
+    /// Takes over the images of another state of this field, and where searches start.
+    pub(in crate::surface) fn follow(&mut self, other: &Self) {
+        self.z.clone_from(&other.z);
+        self.starts.clone_from(&other.starts);
+        self.start_faces.clone_from(&other.start_faces);
+    }
+
     /// Triangles of the target.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
@@ -391,12 +404,17 @@ impl<S: Real, const K: usize> Field<S, K> {
     /// The same field, its images as they are rounded, projected in double precision: what the
     /// decisions of single precision are judged by.
     pub fn in_double(&self) -> Field<f64, K> {
+        self.on(self.reference.clone(), self.z.iter().map(cast).collect())
+    }
+
+    /// The same field on another copy of the source, with these images.
+    fn on<T: Real>(&self, source: PhongSurface<T, K>, z: Vec<Vector<T, K>>) -> Field<T, K> {
         Field {
-            source: self.reference.clone(),
+            source,
             reference: self.reference.clone(),
             vertices: NearestVertex::new(&self.reference),
             triangles: self.triangles.clone(),
-            z: self.z.iter().map(cast).collect(),
+            z,
             starts: self.starts.clone(),
             start_faces: self.start_faces.clone(),
             drift: self.drift.clone(),

@@ -5,7 +5,7 @@ use super::project_phong::ProjectParams;
 use super::tables::{SurfaceTables, append_rows};
 use super::tile::{Points, Projection, Work, capacity};
 use crate::engine::{BindingKind, Engine, Gpu, Kernel, Table};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::surface::correspondence::Vouching;
 use crate::surface::field::Field;
 use crate::surface::packed::{PackedImage, PackedPoint};
@@ -38,6 +38,10 @@ struct FieldTables {
 impl MapTables for FieldTables {
     fn capacity(&self, gpu: &Gpu) -> usize {
         capacity(gpu, size_of::<[f32; 12]>(), 1)
+    }
+
+    fn of_field(&self) -> Option<[&Table; 2]> {
+        Some([&self.field, &self.starts])
     }
 
     fn work(&self, gpu: &Gpu, capacity: usize, points: &Points<'_>) -> Result<Work> {
@@ -83,7 +87,7 @@ impl DeviceMap<Field<f32, 12>> {
     /// reference.
     ///
     /// # Errors
-    /// [`Error::Input`](crate::Error::Input) if there is an obstacle ([`Self::obstacle`]);
+    /// [`Error::Input`] if there is an obstacle ([`Self::obstacle`]);
     /// [`Error::Memory`](crate::Error::Memory), [`Error::Capability`](crate::Error::Capability) or
     /// [`Error::Device`](crate::Error::Device) if it does not fit.
     pub fn new(engine: &Engine, map: Field<f32, 12>) -> Result<Self> {
@@ -98,4 +102,52 @@ impl DeviceMap<Field<f32, 12>> {
         let field = gpu.table("field", &field)?;
         Self::of(engine, gpu, map, Box::new(FieldTables { source, starts, triangles, field }))
     }
+
+    /// Takes over the images of `field`, which differs from this one in those of `triangles` alone,
+    /// as after [`FieldSession::edit`](crate::surface::field::FieldSession::edit). Only what has
+    /// changed goes up: 48 bytes a vertex and 16 a triangle, and what lies between two that are
+    /// near one another in the tables.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the field is not of the same meshes;
+    /// [`Error::Device`] if the device fails.
+    pub fn follow(&mut self, field: &Field<f32, 12>, triangles: &[u32]) -> Result<()> {
+        let gpu = device(self.engine(), INTERPOLATE_FIELD.name)?;
+        let same = field.triangles() == self.reference().triangles();
+        if !same || triangles.iter().any(|t| *t as usize >= field.triangles().len()) {
+            return Err(Error::input("a map is to follow a field of other meshes", "Put that field on the device"));
+        }
+        if let Some([images, starts]) = self.tables().of_field() {
+            let mut vertices: Vec<u32> = triangles.iter().flat_map(|&t| field.triangles()[t as usize]).collect();
+            vertices.sort_unstable();
+            for range in ranges(&vertices) {
+                let mut rows = Vec::new();
+                append_rows(&field.images()[range.clone()], &mut rows);
+                gpu.write_table(images, 3 * range.start, &rows)?;
+            }
+            let mut sorted = triangles.to_vec();
+            sorted.sort_unstable();
+            for range in ranges(&sorted) {
+                let rows: Vec<[u32; 4]> = range.clone().map(|t| field.starts_of(t as u32)).collect();
+                gpu.write_table(starts, range.start, &rows)?;
+            }
+        }
+        self.reference_mut().follow(field);
+        Ok(())
+    }
+}
+
+/// Records this far apart go up in one piece.
+const NEAR: u32 = 32;
+
+/// Ranges with all of some numbers, which rise.
+fn ranges(numbers: &[u32]) -> Vec<std::ops::Range<usize>> {
+    let mut ranges: Vec<std::ops::Range<usize>> = Vec::new();
+    for &n in numbers {
+        match ranges.last_mut().filter(|r| n as usize <= r.end + NEAR as usize) {
+            Some(range) => range.end = range.end.max(n as usize + 1),
+            None => ranges.push(n as usize..n as usize + 1),
+        }
+    }
+    ranges
 }

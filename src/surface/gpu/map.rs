@@ -10,7 +10,7 @@ use web_time::Instant;
 use super::judge_image::JUDGE_IMAGE;
 use super::project_phong::{PROJECT_PHONG, Projected, SEARCH_PHONG};
 use super::tile::{Points, Tile, Work};
-use crate::engine::{Engine, Gpu, ReadbackRing};
+use crate::engine::{Engine, Gpu, ReadbackRing, Table};
 use crate::error::{Error, Result};
 use crate::surface::correspondence::{Vouching, check_faces};
 use crate::surface::field::FieldReport;
@@ -38,6 +38,11 @@ pub trait HostMap: PointMap + Debug {
 pub(super) trait MapTables: Debug + Send + Sync {
     /// Points that a tile holds.
     fn capacity(&self, gpu: &Gpu) -> usize;
+
+    /// The tables of images of vertices and of starts, where a field has them.
+    fn of_field(&self) -> Option<[&Table; 2]> {
+        None
+    }
 
     /// The dispatches for up to `capacity` points at a time.
     fn work(&self, gpu: &Gpu, capacity: usize, points: &Points<'_>) -> Result<Work>;
@@ -100,6 +105,10 @@ impl<M: HostMap> DeviceMap<M> {
     /// The same map on the CPU.
     pub fn reference(&self) -> &M {
         &self.map
+    }
+
+    pub(super) fn reference_mut(&mut self) -> &mut M {
+        &mut self.map
     }
 
     /// Points so far that the kernels left to the references.

@@ -31,8 +31,9 @@ pub use average_anchors::{AverageParams, BLOCK_ANCHORS};
 pub use average_stencils::{DeviceStencils, MOST_ROWS, StencilParams};
 #[doc(hidden)]
 pub use judge_image::{JUDGE_ROUNDING, JudgeParams, judge_image};
+pub use map::DeviceMap;
 #[doc(hidden)]
-pub use map::{DeviceMap, HostMap};
+pub use map::HostMap;
 #[doc(hidden)]
 pub use project_phong::{ProjectParams, Projected};
 #[doc(hidden)]

@@ -63,7 +63,7 @@ impl Bands<'_, '_> {
     }
 
     /// Everything by a device, but for layers that do not stay there. Gives counts.
-    pub(super) fn on_device(mut self, resident: &mut Resident<'_>) -> Result<TransferStats> {
+    pub(super) fn on_device(mut self, resident: &mut Resident<'_, '_>) -> Result<TransferStats> {
         let (width, height) = (self.options.width as usize, self.options.height as usize);
         let all = self.all();
         let faces = self.lookups.first().map_or(0, |l| l.table.len());

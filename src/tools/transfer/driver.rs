@@ -246,7 +246,7 @@ fn resident<'a>(
     outputs: &[Output<'_>],
     options: &TransferOptions,
     band: usize,
-) -> Result<Option<Resident<'a>>> {
+) -> Result<Option<Resident<'a, 'a>>> {
     let faces = lookups.first().map_or(0, |l| l.table.len());
     let shows = |t: usize, o: &Output<'_>| o.texture_of[t] != NONE && lookups[o.lookup].table[t].chart != NONE;
     let work = Work {
@@ -256,6 +256,7 @@ fn resident<'a>(
         target: &coarse.target,
         colored: (0..faces).map(|t| outputs.iter().any(|o| shows(t, o))).collect(),
         mirrored: options.coordinates || options.fill != Fill::None || outputs.iter().any(|o| !o.stays()),
+        lists: 1,
     };
     stages.resident(&work, |gpu, map, whole| {
         let staying = outputs.iter().filter(|o| o.stays());

@@ -1,5 +1,7 @@
 //! A transfer that follows its map: only what an edit of the anchors changed is computed anew.
 
+use std::collections::BTreeSet;
+
 use rayon::prelude::*;
 
 use super::atlas::{AtlasTexel, Tile, rasterize_atlas};
@@ -38,6 +40,8 @@ pub struct Followed {
     pub recolored: usize,
     /// Texels beyond the charts' borders that got another colour.
     pub padded: usize,
+    /// Texels that wait for the next call to be mapped: more than its budget were to be.
+    pub left: usize,
     /// The smallest rectangle with all of them, to bring to a screen; none if nothing changed.
     pub changed: Option<Tile>,
 }
@@ -63,6 +67,8 @@ pub struct LiveTransfer<'a> {
     members: Vec<u32>,
     outputs: Vec<Output<'a>>,
     covers: Vec<u8>,
+    /// Texels that are to be mapped again.
+    waiting: BTreeSet<u32>,
     /// Padded texels, each with the one its colour comes from: (from, to), rising.
     padding: Vec<[u32; 2]>,
 }
@@ -120,6 +126,7 @@ impl<'a> LiveTransfer<'a> {
             members,
             outputs: layers.iter().map(output).collect::<Result<_>>()?,
             covers: vec![coverage::NOTHING; width * height],
+            waiting: BTreeSet::new(),
             padding: Vec::new(),
         };
         live.refresh(map, live.members.clone(), true)?;
@@ -136,17 +143,30 @@ impl<'a> LiveTransfer<'a> {
     /// # Errors
     /// If there is no such triangle (then nothing has changed), or the map fails.
     pub fn update(&mut self, map: &dyn PointMap, triangles: &[u32]) -> Result<Followed> {
+        self.follow(map, triangles, usize::MAX)
+    }
+
+    /// As [`LiveTransfer::update`], of `budget` texels at most: those that are left come first in
+    /// the next call, which may name no triangle. With [`Followed::left`] 0 the pictures are those
+    /// of the map.
+    ///
+    /// # Errors
+    /// As [`LiveTransfer::update`]; what failed is left.
+    pub fn follow(&mut self, map: &dyn PointMap, triangles: &[u32], budget: usize) -> Result<Followed> {
         let count = self.starts.len() - 1;
         if let Some(t) = triangles.iter().find(|t| **t as usize >= count) {
             let remedy = "Name triangles of the target";
             return Err(Error::input(format!("there is no triangle {t}, only {count}"), remedy));
         }
-        let mut triangles = triangles.to_vec();
-        triangles.sort_unstable();
-        triangles.dedup();
         let of = |t: &u32| &self.members[self.starts[*t as usize]..self.starts[*t as usize + 1]];
-        let texels = triangles.iter().flat_map(of).copied().collect();
-        self.refresh(map, texels, false)
+        self.waiting.extend(triangles.iter().flat_map(of));
+        let texels: Vec<u32> = self.waiting.iter().copied().take(budget).collect();
+        let end = texels.last().map(|last| last + 1);
+        let done = self.refresh(map, texels, false)?;
+        if let Some(end) = end {
+            self.waiting = self.waiting.split_off(&end);
+        }
+        Ok(Followed { left: self.waiting.len(), ..done })
     }
 
     /// One picture per layer, as of [`TransferOutput::layers`](super::TransferOutput::layers).
@@ -203,6 +223,7 @@ impl<'a> LiveTransfer<'a> {
             mapped,
             recolored: dirty.len(),
             padded: padded.len(),
+            left: 0,
             changed: self.tile(dirty.iter().chain(&padded)),
         })
     }
@@ -326,7 +347,7 @@ impl<'a> LiveTransfer<'a> {
     }
 }
 
-fn can_follow(layers: &[Layer<'_>], options: &TransferOptions) -> Result<()> {
+pub(super) fn can_follow(layers: &[Layer<'_>], options: &TransferOptions) -> Result<()> {
     let refuse = |option: &str, value: String, remedy: &str| Err(Error::option(option, value, remedy));
     if options.supersample != 1 {
         return refuse("--supersample", options.supersample.to_string(), "A live transfer takes one sample a texel");
@@ -341,7 +362,7 @@ fn can_follow(layers: &[Layer<'_>], options: &TransferOptions) -> Result<()> {
 }
 
 /// Covered texels by triangle.
-fn by_triangle(texels: &[AtlasTexel], triangles: usize) -> (Vec<usize>, Vec<u32>) {
+pub(super) fn by_triangle(texels: &[AtlasTexel], triangles: usize) -> (Vec<usize>, Vec<u32>) {
     let mut starts = vec![0_usize; triangles + 1];
     let covered = || (0_u32..).zip(texels).filter(|(_, t)| t.is_covered());
     covered().for_each(|(_, t)| starts[t.face as usize + 1] += 1);

@@ -62,6 +62,31 @@ fn it_is_a_whole_transfer_after_every_update() {
 }
 
 #[test]
+fn a_budget_leaves_the_rest_to_later_calls() {
+    let mesh = grid(12, 0.4, 3);
+    let colors = noise(96, 64, 3, 1);
+    let layers = [Layer::single("colour", &colors)];
+    let options = TransferOptions { margin: 5, ..options(100, 90) };
+    let map = |angle, hole| Planar { source: &mesh, target: &mesh, function: swirl(angle, hole) };
+    let whole = |map: &dyn PointMap| transfer(&mesh, &layers, &mesh, map, &options, &Quiet).expect("transfer");
+    let mut live = LiveTransfer::new(&mesh, &layers, &mesh, &map(0.0, 0.0), &options).expect("live");
+    let triangles = near_the_middle(&mesh);
+    // A second edit comes before the first is done.
+    let first = live.follow(&map(1.0, 0.1), &triangles, 500).expect("follow");
+    assert!(first.mapped == 500 && first.left > 1000, "{first:?}");
+    let mut done = live.follow(&map(-0.5, 0.05), &triangles, 700).expect("follow");
+    assert!(!same(&live, &whole(&map(-0.5, 0.05))), "the comparison notices what is left");
+    let mut calls = 1;
+    while done.left > 0 {
+        let before = done.left;
+        done = live.follow(&map(-0.5, 0.05), &[], 700).expect("follow");
+        assert_eq!(done.left, before.saturating_sub(700));
+        calls += 1;
+    }
+    assert!(calls > 3 && same(&live, &whole(&map(-0.5, 0.05))), "{calls} calls");
+}
+
+#[test]
 fn what_cannot_follow_is_refused() {
     let mesh = grid(2, 0.0, 1);
     let image = noise(4, 4, 3, 1);

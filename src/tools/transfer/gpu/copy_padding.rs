@@ -30,6 +30,20 @@ pub struct CopyParams {
     words: u32,
 }
 
+impl CoverParams {
+    pub(super) fn new([width, height]: [usize; 2]) -> Self {
+        Self { width: width as u32, height: height as u32, unused0: 0, unused1: 0 }
+    }
+}
+
+impl CopyParams {
+    /// Of rows of `width` texels from row `first` on, with `words` words a texel.
+    pub(super) fn new(width: usize, first: usize, words: usize) -> Self {
+        let stride = width.next_multiple_of(2) as u32;
+        Self { width: width as u32, stride, first: first as u32, words: words as u32 }
+    }
+}
+
 pub(super) static COVERAGE_BITS: Kernel = Kernel {
     name: "coverage_bits",
     source: include_str!("../../../../shaders/coverage_bits.wgsl"),
@@ -62,8 +76,7 @@ pub(super) fn record_bits(
     [width, height]: [usize; 2],
     bits: &Buffer<u32>,
 ) -> Result<()> {
-    let params = CoverParams { width: width as u32, height: height as u32, unused0: 0, unused1: 0 };
-    let params = gpu.uniform("coverage parameters", &params)?;
+    let params = gpu.uniform("coverage parameters", &CoverParams::new([width, height]))?;
     let pipeline = gpu.pipeline(&COVERAGE_BITS)?;
     let group = gpu.bind(&pipeline, &[params.bind(0), covers.bind(), bits.bind()])?;
     batch.dispatch_rows(&pipeline, &group, 0..height.div_ceil(32) as u32, width as u32, 0)
@@ -90,9 +103,7 @@ pub(super) fn submit_padding(
         let mut batch = gpu.batch()?;
         let nearest = padder.record(&mut batch, first..end)?;
         for &(picture, words) in pictures {
-            let stride = width.next_multiple_of(2) as u32;
-            let params = CopyParams { width: width as u32, stride, first: first as u32, words: words as u32 };
-            let params = gpu.uniform("copy parameters", &params)?;
+            let params = gpu.uniform("copy parameters", &CopyParams::new(width, first, words))?;
             let group = gpu.bind(&copy, &[params.bind(0), nearest.bind(), covers.bind(), picture.bind()])?;
             let columns = width.div_ceil(4) as u32;
             batch.dispatch_rows(&copy, &group, first as u32..end as u32, columns, 0)?;

@@ -52,7 +52,9 @@ pub(super) struct Exchange<'a> {
     list: Buffer<Record>,
     staging: Staging<'a, Record>,
     gather: (Arc<Pipeline>, BindGroup),
-    place: Arc<Pipeline>,
+    place: (Arc<Pipeline>, BindGroup),
+    /// Where found images go up.
+    found: Buffer<Found>,
 }
 
 impl<'a> Exchange<'a> {
@@ -62,7 +64,10 @@ impl<'a> Exchange<'a> {
         let pipeline = gpu.pipeline(&GATHER_LEFT)?;
         let group = gpu.bind(&pipeline, &[points.bind(), rows.images.bind(), list.bind()])?;
         let staging = Staging::new(gpu, "points left", (1 + FIRST).min(list.len()))?;
-        Ok(Self { gpu, list, staging, gather: (pipeline, group), place: gpu.pipeline(&PLACE_IMAGES)? })
+        let place = gpu.pipeline(&PLACE_IMAGES)?;
+        let found = gpu.buffer("images found", FIRST)?;
+        let placed = gpu.bind(&place, &[found.bind(), rows.images.bind()])?;
+        Ok(Self { gpu, list, staging, gather: (pipeline, group), place: (place, placed), found })
     }
 
     /// Empties the list. What was submitted before still sees the old one.
@@ -84,7 +89,28 @@ impl<'a> Exchange<'a> {
     /// The points left and their places, rising; `None` if there are more than the list holds. The
     /// caller has waited for the submission.
     pub(super) fn take(&mut self) -> Result<Option<Vec<(u32, PackedPoint)>>> {
-        let mut records = self.staging.take(<[Record]>::to_vec)?;
+        let records = self.staging.take(<[Record]>::to_vec)?;
+        self.listed(records)
+    }
+
+    /// The same without a wait: `None` while the copy has not arrived. More points than come with
+    /// it take a read of their own.
+    ///
+    /// # Errors
+    /// [`Error::Device`](crate::Error::Device); [`Error::Numeric`](crate::Error::Numeric) if there
+    /// are more than the list holds.
+    pub(super) fn poll(&mut self) -> Result<Option<Vec<(u32, PackedPoint)>>> {
+        let Some(records) = self.staging.poll(<[Record]>::to_vec)? else { return Ok(None) };
+        let overflow = || {
+            crate::Error::numeric(
+                "the kernels leave a quarter of all points",
+                "Make the field anew, or use --backend cpu",
+            )
+        };
+        self.listed(records)?.ok_or_else(overflow).map(Some)
+    }
+
+    fn listed(&self, mut records: Vec<Record>) -> Result<Option<Vec<(u32, PackedPoint)>>> {
         let count = records.first().map_or(0, |head| head[0] as usize);
         if count >= self.list.len() {
             return Ok(None);
@@ -105,9 +131,13 @@ impl<'a> Exchange<'a> {
         if found.is_empty() {
             return Ok(());
         }
+        if found.len() <= self.found.len() {
+            self.gpu.write(&self.found, 0, found)?;
+            return batch.dispatch(&self.place.0, &self.place.1, found.len());
+        }
         let host = self.gpu.upload("images found", found)?;
-        let group = self.gpu.bind(&self.place, &[host.bind(), rows.images.bind()])?;
-        batch.dispatch(&self.place, &group, found.len())
+        let group = self.gpu.bind(&self.place.0, &[host.bind(), rows.images.bind()])?;
+        batch.dispatch(&self.place.0, &group, found.len())
     }
 }
 

@@ -102,6 +102,19 @@ impl Footprints {
         Ok(Self { locate: (locate, locate_group), footprint: (footprint, footprint_group), _source: source })
     }
 
+    /// Records the footprints of items `texels` of the list of runs; items `seen` have them and all
+    /// runs beside them, in rows from `place` on.
+    pub(super) fn record_listed(
+        &self,
+        batch: &mut Batch<'_>,
+        seen: &Range<usize>,
+        texels: &Range<usize>,
+        place: usize,
+    ) -> Result<()> {
+        batch.dispatch_placed(&self.locate.0, &self.locate.1, items(seen)?, place as u32)?;
+        batch.dispatch_placed(&self.footprint.0, &self.footprint.1, items(texels)?, place as u32)
+    }
+
     /// Records the footprints of the runs of `chunk`; a row on either side is at hand.
     pub(super) fn record(&self, batch: &mut Batch<'_>, runs: &Runs, height: usize, chunk: &Range<usize>) -> Result<()> {
         let around = chunk.start.saturating_sub(1)..(chunk.end + 1).min(height);

@@ -20,6 +20,7 @@
 //! | `tally` | coverage, counts and areas | `tally::Tally` |
 //! | `coverage_bits` | covered texels as bits | `pad_seams::column_bits` |
 //! | `copy_padding` | colours of the padding | `layer::copy_padding` |
+//! | `blank_texels`, `show_texels` | what a live transfer clears and shows | none: they only write |
 //!
 //! What is decided in integers (coverage, padding) is the reference's to the bit.
 
@@ -28,11 +29,13 @@ mod device_picture;
 mod exchange;
 mod locate;
 mod pad_seams;
+mod padding_parts;
 mod picture;
 mod rasterize_atlas;
 mod resident;
 mod runs;
 mod sample_texture;
+mod shown;
 mod stages;
 mod store_texel;
 mod tally;
@@ -47,7 +50,8 @@ pub use exchange::Found;
 pub use pad_seams::{PadParams, Padder};
 pub(super) use picture::Plate;
 pub use rasterize_atlas::{MOST_ENTRIES, RasterizeParams, Rasterizer};
-pub(super) use resident::{Resident, Seen, Work};
+pub use resident::LiveFrame;
+pub(super) use resident::{LiveDevice, Resident, Seen, Work};
 pub use sample_texture::{DeviceTexture, FootprintRecord, Sampler, TextureParams};
 pub(super) use stages::Stages;
 pub use store_texel::{BackgroundParams, StoreParams};
@@ -73,6 +77,8 @@ pub const KERNELS: &[&Kernel] = &[
     &pad_seams::PAD_COLUMNS,
     &pad_seams::PAD_SEAMS,
     &copy_padding::COPY_PADDING,
+    &shown::BLANK_TEXELS,
+    &shown::SHOW_TEXELS,
 ];
 
 /// Items of one dispatch.
@@ -144,6 +150,7 @@ pub(crate) fn twins() -> Vec<crate::twins::Twin> {
             ],
         ),
         of("coverage_bits", [("COVERED", COVERED.into())]),
+        of("blank_texels", [("COVERED", COVERED.into())]),
         of("copy_padding", [("HOLE", sums::HOLE.into()), ("PADDING", PADDING.into())]),
     ]
     .concat()

@@ -7,7 +7,9 @@ use bytemuck::{Pod, Zeroable};
 use rayon::prelude::*;
 
 use super::items;
-use crate::engine::{Batch, BindingKind, Buffer, Gpu, Kernel, Layout, Pipeline, ReadbackRing};
+use crate::engine::{
+    Batch, BindGroup, BindingKind, Buffer, Gpu, Kernel, Layout, Pipeline, ReadbackRing, UniformBlocks,
+};
 use crate::error::Result;
 use crate::kernel_layout as layout;
 use crate::tools::transfer::pad::{COVERED, LARGEST_MARGIN};
@@ -63,6 +65,14 @@ pub struct Padder<'a> {
     seams: (Arc<Pipeline>, Buffer<[u32; 2]>),
     /// Made when the host first wants what is found.
     ring: Option<ReadbackRing<'a, [u32; 2]>>,
+}
+
+/// The kernels of some rows, bound.
+#[derive(Debug)]
+pub(super) struct PartOfPadding {
+    items: (u32, u32),
+    groups: [BindGroup; 2],
+    _params: UniformBlocks<PadParams>,
 }
 
 impl<'a> Padder<'a> {
@@ -132,6 +142,17 @@ impl<'a> Padder<'a> {
     /// # Errors
     /// As [`Padder::new`].
     pub(super) fn record(&self, batch: &mut Batch<'_>, rows: Range<usize>) -> Result<&Buffer<[u32; 2]>> {
+        self.record_part(batch, &self.part(rows)?)?;
+        Ok(&self.seams.1)
+    }
+
+    /// Where the nearest texels are found.
+    pub(super) fn found(&self) -> &Buffer<[u32; 2]> {
+        &self.seams.1
+    }
+
+    /// What [`Padder::record_part`] records of `rows`, bound.
+    pub(super) fn part(&self, rows: Range<usize>) -> Result<PartOfPadding> {
         let [width, height] = self.size;
         let pairs = width.div_ceil(2);
         let params = PadParams {
@@ -148,10 +169,15 @@ impl<'a> Padder<'a> {
         let (columns, seams) = (&self.columns, &self.seams);
         let of_columns = self.gpu.bind(&columns.0, &[params.bind(0), self.bits.bind(), columns.1.bind()])?;
         let of_seams = self.gpu.bind(&seams.0, &[params.bind(0), columns.1.bind(), seams.1.bind()])?;
-        let (start, count) = items(&(0..rows.len() * pairs))?;
-        batch.dispatch_range(&columns.0, &of_columns, start, count)?;
-        batch.dispatch_range(&seams.0, &of_seams, start, count)?;
-        Ok(&seams.1)
+        Ok(PartOfPadding { items: items(&(0..rows.len() * pairs))?, groups: [of_columns, of_seams], _params: params })
+    }
+
+    /// Records a part.
+    pub(super) fn record_part(&self, batch: &mut Batch<'_>, part: &PartOfPadding) -> Result<()> {
+        let (start, count) = part.items;
+        let [of_columns, of_seams] = &part.groups;
+        batch.dispatch_range(&self.columns.0, of_columns, start, count)?;
+        batch.dispatch_range(&self.seams.0, of_seams, start, count)
     }
 
     /// The same as [`pad_seams`](crate::tools::transfer::pad::pad_seams), to the bit.

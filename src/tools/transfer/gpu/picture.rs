@@ -80,10 +80,16 @@ impl<'a> Picture<'a> {
     /// Submits the colours of the footprints of some runs, which go to rows from `origin` on.
     pub(super) fn submit(&self, gpu: &Gpu, texels: &Range<usize>, origin: usize) -> Result<Submission> {
         let mut batch: Batch<'_> = gpu.batch()?;
+        self.record(&mut batch, texels, origin)?;
+        batch.submit()
+    }
+
+    /// Records the same.
+    pub(super) fn record(&self, batch: &mut Batch<'_>, texels: &Range<usize>, origin: usize) -> Result<()> {
         for (texture, group, store) in &self.sources {
             batch.dispatch(&texture.pipeline, group, texels.len())?;
             batch.dispatch_placed(&store.pipeline, &store.group, items(texels)?, origin as u32)?;
         }
-        batch.submit()
+        Ok(())
     }
 }

@@ -6,6 +6,8 @@
 //! there and read once; where they do not fit, or the host fills or pads, their rows come down with
 //! the next band.
 
+mod live;
+
 use std::ops::Range;
 
 use super::copy_padding::{record_bits, submit_padding};
@@ -30,6 +32,9 @@ use crate::tools::transfer::bins::{Atlas, Bins};
 use crate::tools::transfer::tables::{SourceTriangle, TargetTriangle};
 use crate::tools::transfer::tally::Sums;
 
+pub(in crate::tools::transfer) use live::LiveDevice;
+pub use live::LiveFrame;
+
 /// Texels of a chunk of rows at most.
 const CHUNK: usize = 1 << 17;
 /// Device memory that is left for uniforms and what else comes and goes with a band.
@@ -47,12 +52,14 @@ pub(in crate::tools::transfer) struct Work<'p> {
     pub(in crate::tools::transfer) colored: Vec<bool>,
     /// Whether the host looks at texels and images, too.
     pub(in crate::tools::transfer) mirrored: bool,
+    /// Lists of all runs that there is room for: one, or more where parts are done anew.
+    pub(in crate::tools::transfer) lists: usize,
 }
 
 /// A transfer on a device.
-pub(in crate::tools::transfer) struct Resident<'a> {
+pub(in crate::tools::transfer) struct Resident<'a, 'm> {
     gpu: &'a Gpu,
-    map: &'a dyn ResidentMap,
+    map: &'m dyn ResidentMap,
     rasterizer: Rasterizer<'a>,
     rows: Rows,
     runs: Runs,
@@ -89,7 +96,7 @@ pub(in crate::tools::transfer) struct Seen {
     pub(in crate::tools::transfer) images: Vec<PackedImage>,
 }
 
-impl<'a> Resident<'a> {
+impl<'a, 'm> Resident<'a, 'm> {
     /// Buffers on the device of `map`. Whole pictures stay there if they are to be padded and the
     /// host does not look at them before; where they do not fit, an error says so.
     ///
@@ -97,7 +104,7 @@ impl<'a> Resident<'a> {
     /// [`Error::Memory`], [`Error::Capability`] or [`Error::Device`].
     pub(in crate::tools::transfer) fn new(
         gpu: &'a Gpu,
-        map: &'a dyn ResidentMap,
+        map: &'m dyn ResidentMap,
         work: &Work<'_>,
         plates: Vec<Plate<'_>>,
         atlas: &Atlas,
@@ -107,7 +114,7 @@ impl<'a> Resident<'a> {
         let [width, height] = work.size;
         let rows = Rows::new(gpu, work.size, (work.band + 2).min(height))?;
         let points = gpu.buffer("points", CHUNK)?;
-        let runs = Runs::new(gpu, &rows, &points)?;
+        let runs = Runs::new(gpu, &rows, &points, work.lists)?;
         let stage = map.bind(points.bind(), &rows.images, Doubts::NONE)?;
         let chunk = chunk_rows(width).min(work.band);
         let buffers = Chunk::new(gpu, chunk, width)?;

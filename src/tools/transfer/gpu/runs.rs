@@ -19,9 +19,9 @@ use crate::tools::transfer::bins::Bins;
 /// A run has two to the power of this many texels: a row of a bin.
 pub(super) const RUN_BITS: u32 = BIN.ilog2();
 /// Texels of a run.
-const RUN: usize = 1 << RUN_BITS;
+pub(super) const RUN: usize = 1 << RUN_BITS;
 /// Bits of a word that hold the column of a run; those above hold its row.
-const COLUMN_BITS: u32 = 16;
+pub(super) const COLUMN_BITS: u32 = 16;
 
 pub(super) static LIST_POINTS: Kernel = Kernel {
     name: "list_points",
@@ -47,12 +47,12 @@ pub(super) struct Runs {
 }
 
 impl Runs {
-    /// Without runs; `points` is where their points go.
+    /// Without runs, with room for `lists` lists of all of them; `points` is where their points go.
     ///
     /// # Errors
     /// [`Error::Capability`] if the picture is too large for the words of the list; else as
     /// [`Gpu::buffer`].
-    pub(super) fn new(gpu: &Gpu, rows: &Rows, points: &Buffer<PointRecord>) -> Result<Self> {
+    pub(super) fn new(gpu: &Gpu, rows: &Rows, points: &Buffer<PointRecord>, lists: usize) -> Result<Self> {
         let occupied = Occupied::new([rows.width, rows.height]);
         let most = 1_usize << COLUMN_BITS;
         if rows.height > most || occupied.columns > most {
@@ -62,7 +62,7 @@ impl Runs {
                 actual: most as u64,
             });
         }
-        let list = gpu.buffer("runs", rows.kept * occupied.columns)?;
+        let list = gpu.buffer("runs", lists * rows.kept * occupied.columns)?;
         let pipeline = gpu.pipeline(&LIST_POINTS)?;
         let group = gpu.bind(&pipeline, &[rows.params.bind(0), list.bind(), rows.texels.bind(), points.bind()])?;
         Ok(Self { occupied, listed: Listed::default(), list, points: pipeline, group })

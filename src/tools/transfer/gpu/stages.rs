@@ -8,6 +8,7 @@ use super::rasterize_atlas::{RASTERIZE_ATLAS, Rasterizer};
 use super::resident::{Resident, Work};
 use super::runs::LIST_POINTS;
 use super::sample_texture::{DeviceTexture, SAMPLE_TEXTURE, Sampler, runs};
+use super::shown::{BLANK_TEXELS, SHOW_TEXELS};
 use super::store_texel::{FILL_BACKGROUND, Format, STORE_TEXEL};
 use super::tally::TALLY;
 use crate::engine::{Engine, Gpu, Kernel};
@@ -101,6 +102,12 @@ impl<'a> Stages<'a> {
             }
             Err(e) => Err(e),
         }
+    }
+
+    /// Whether whole pictures can stay on the device of `engine` and be shown from there.
+    pub(in crate::tools::transfer) fn keep_whole(&self, engine: &Engine) -> bool {
+        let shown = [&BLANK_TEXELS, &SHOW_TEXELS].iter().all(|k| engine.gpu_for(k.name).is_some());
+        self.resident.is_some() && self.pads_resident && shown
     }
 
     /// Everything on the CPU, and why.

@@ -93,7 +93,7 @@ impl Format {
     }
 
     /// The words of the first texel of a picture.
-    fn words_of(self, image: &Image) -> [u32; 4] {
+    pub(super) fn words_of(self, image: &Image) -> [u32; 4] {
         let mut words = [0; 4];
         for k in 0..self.channels as usize {
             match &image.pixels {
