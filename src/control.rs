@@ -18,6 +18,8 @@
 use std::cell::RefCell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::time::Duration;
 
 use crate::error::{Error, Result};
 
@@ -155,9 +157,63 @@ pub(crate) fn check() -> Result<()> {
     HERE.with(|here| here.borrow().as_ref().map_or(Ok(()), Control::check))
 }
 
+/// How often a wait for [`apart`] looks whether the work was cancelled.
+const LOOK: Duration = Duration::from_millis(20);
+
+/// Does `work` that cannot be stopped, such as a factorisation of another library, on a thread of
+/// its own, so that this one can end when it is cancelled; what was begun is then left to end by
+/// itself, and dropped. Without a control, and in a browser, this thread does it.
+///
+/// Waits are not counted by [`Control::checks`]: their number depends on time.
+///
+/// # Errors
+/// [`Error::Cancelled`].
+pub(crate) fn apart<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T> {
+    let Some(control) = current().0.filter(|_| !cfg!(target_family = "wasm")) else { return Ok(work()) };
+    let (done, result) = mpsc::channel();
+    let worker = std::thread::spawn(move || {
+        // Nobody hears it where the work was cancelled.
+        let _ = done.send(work());
+    });
+    loop {
+        match result.recv_timeout(LOOK) {
+            Ok(value) => return Ok(value),
+            Err(RecvTimeoutError::Timeout) if control.is_cancelled() => return Err(Error::Cancelled),
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => match worker.join() {
+                Ok(()) => return Err(Error::Cancelled),
+                Err(panic) => std::panic::resume_unwind(panic),
+            },
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn work_that_cannot_be_stopped_is_left_alone() {
+        let (go_on, wait) = mpsc::channel::<()>();
+        let control = Control::new();
+        let begun = control.clone();
+        let result = control.run(|| {
+            apart(move || {
+                begun.cancel();
+                // Ends when the test does.
+                let _ = wait.recv();
+                1
+            })
+        });
+        assert!(matches!(result, Err(Error::Cancelled)));
+        drop(go_on);
+        let other = Control::new();
+        assert!(matches!(other.run(|| apart(|| 2)), Ok(2)));
+        assert_eq!(other.checks(), 1, "that of run alone");
+        assert!(matches!(apart(|| 3), Ok(3)));
+        let panics = std::panic::catch_unwind(|| Control::new().run(|| apart::<()>(|| panic!("as it should"))));
+        assert!(panics.is_err(), "a panic is that of the caller");
+    }
 
     #[test]
     fn work_ends_where_it_looks_next() {

@@ -22,6 +22,7 @@ use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
 use faer::{Conj, Mat, MatMut, Par, Side};
 use rayon::prelude::*;
 
+use crate::control;
 use crate::error::{Error, Result};
 
 /// Columns solved for together: fewer read the factor too often, more leave threads idle where
@@ -31,6 +32,10 @@ const COLUMNS: usize = 6;
 /// Rows of more entries than this are long. Their squares have this many entries for each of
 /// theirs, at most; vertices of real meshes have 4 to 20 neighbours.
 pub(crate) const LONGEST: usize = 64;
+
+/// Systems of more entries than this take tens of milliseconds, in which work cannot be cancelled:
+/// they are done apart.
+const APART: usize = 1 << 18;
 
 /// The places of the entries of a symmetric matrix, analysed once for any number of factorisations.
 #[derive(Clone, Debug)]
@@ -99,9 +104,16 @@ impl SparsePattern {
         };
         let n = starts.len() - 1;
         let matrix = SymbolicSparseColMat::new_checked(n, n, starts, None, rows);
-        let factor =
+        let ordered = |matrix: &SymbolicSparseColMat<usize>| {
             factorize_symbolic_cholesky(matrix.as_ref(), Side::Lower, SymmetricOrdering::Amd, Default::default())
-                .map_err(|e| failed(what, &format!("{e:?}")))?;
+        };
+        let large = matrix.row_idx().len() >= APART;
+        let both = move || {
+            let factor = ordered(&matrix);
+            (matrix, factor)
+        };
+        let (matrix, factor) = if large { control::apart(both)? } else { both() };
+        let factor = factor.map_err(|e| failed(what, &format!("{e:?}")))?;
         Ok(Self { matrix, factor: Arc::new(factor), parted, border, what })
     }
 
@@ -112,6 +124,14 @@ impl SparsePattern {
     /// # Errors
     /// [`Error::Numeric`] if there is not enough memory.
     pub(crate) fn factorise(&self, values: &[f64]) -> Result<Option<SparseCholesky>> {
+        if self.factor.len_val() < APART {
+            return self.factorised(values);
+        }
+        let (own, values) = (self.clone(), values.to_vec());
+        control::apart(move || own.factorised(&values))?
+    }
+
+    fn factorised(&self, values: &[f64]) -> Result<Option<SparseCholesky>> {
         let gathered: Vec<f64>;
         let (mut values, mut alone) = (values, Vec::new());
         if let Some(parted) = &self.parted {
