@@ -14,7 +14,8 @@ struct LatticeParams {
     picture: vec2f,
 }
 
-// A coordinate of an image this large, in pixels, is taken for none: tools::warp::gpu::lattice::FAR.
+// A coordinate of an image this large, in pixels, is taken for none:
+// tools::warp::gpu::lattice::FAR.
 const FAR: f32 = 16777216.0;
 
 // Corners of a triangle on the canvas, from the centre of pixel (0, 0).

@@ -52,8 +52,8 @@ impl<'a> DeviceLiveTransfer<'a> {
     /// [`DeviceMap`](crate::surface::gpu::DeviceMap)).
     ///
     /// # Errors
-    /// As [`transfer_on`](super::transfer_on), and for options, kinds of layers and maps that cannot
-    /// follow, or whole pictures that do not fit the device.
+    /// As [`transfer_on`](super::transfer_on), and for options, kinds of layers and maps that
+    /// cannot follow, or whole pictures that do not fit the device.
     pub fn new(
         engine: &'a Engine,
         source: &Mesh,

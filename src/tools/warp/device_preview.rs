@@ -30,8 +30,8 @@ impl DevicePreview {
     /// may be borrowed. The first [`DevicePreview::drag`] draws it.
     ///
     /// # Errors
-    /// As [`Preview::new`]; [`Error::Capability`](crate::Error::Capability) for an engine without a device, and where picture
-    /// or canvas do not fit a texture.
+    /// As [`Preview::new`]; [`Error::Capability`](crate::Error::Capability) for an engine without a
+    /// device, and where picture or canvas do not fit a texture.
     pub fn new(engine: &Engine, image: &Image, map: &CompositeMap, canvas: UVec2) -> Result<Self> {
         let gpu = device(engine)?;
         let preview = Preview::new(engine, image, map, canvas)?;

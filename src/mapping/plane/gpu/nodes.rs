@@ -50,7 +50,8 @@ pub(crate) struct Mapping {
 }
 
 impl MappedNodes {
-    /// Places for `points`, whose images [`MappedNodes::record`] makes; `map` gives the first frame.
+    /// Places for `points`, whose images [`MappedNodes::record`] makes; `map` gives the first
+    /// frame.
     ///
     /// # Errors
     /// [`Error::Device`](crate::Error::Device), [`Error::Memory`](crate::Error::Memory),
@@ -73,8 +74,8 @@ impl MappedNodes {
         &self.turns[turn & 1]
     }
 
-    /// Adds the dispatches that take the points through `map`, and writes what they read. Nothing is
-    /// allocated while maps have no more steps than one before, and as many vertices and loops.
+    /// Adds the dispatches that take the points through `map`, and writes what they read. Nothing
+    /// is allocated while maps have no more steps than one before, and as many vertices and loops.
     ///
     /// # Errors
     /// [`Error::Device`](crate::Error::Device) if the device fails.
