@@ -177,7 +177,7 @@ impl CageMap {
                 step
             })
             .collect();
-        let b = &p.sufficient_bound;
+        let b = p.sufficient_bound();
         let bounds: Vec<Value> = b
             .steps
             .iter()
