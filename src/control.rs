@@ -22,6 +22,7 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
 
 use crate::error::{Error, Result};
+use crate::memory;
 
 /// A handle by which work is cancelled. Clones are handles of the same work.
 #[derive(Clone, Debug, Default)]
@@ -33,6 +34,8 @@ pub struct Control {
 struct State {
     /// Bytes that one piece of work may ask for; no limit if not given.
     memory: Option<u64>,
+    /// Whether the limit is that of the whole process.
+    whole: bool,
     cancelled: AtomicBool,
     /// How often the work has looked here.
     checks: AtomicU64,
@@ -56,6 +59,12 @@ impl Control {
     /// error is [`Error::Memory`] with the number that was asked for.
     pub fn with_memory(bytes: u64) -> Self {
         Self { state: Arc::new(State { memory: Some(bytes), ..State::default() }) }
+    }
+
+    /// As [`Control::with_memory`], for the process as a whole: what it has already counts, too.
+    #[cfg_attr(not(feature = "cli"), expect(dead_code, reason = "for the command line"))]
+    pub(crate) fn of_process(bytes: u64) -> Self {
+        Self { state: Arc::new(State { memory: Some(bytes), whole: true, ..State::default() }) }
     }
 
     /// Ends the work that runs under this control, and all that will.
@@ -142,11 +151,24 @@ pub(crate) fn current() -> Current {
 /// # Errors
 /// [`Error::Memory`].
 pub(crate) fn require(required: u64, what: impl FnOnce() -> String) -> Result<()> {
-    let allowed = HERE.with(|here| here.borrow().as_ref().and_then(|control| control.state.memory));
-    match allowed {
-        Some(allowed) if required > allowed => Err(Error::Memory { what: what(), required, allowed }),
-        _ => Ok(()),
-    }
+    let Some((allowed, used)) = budget() else { return Ok(()) };
+    let required = required.saturating_add(used);
+    if required > allowed { Err(Error::Memory { what: what(), required, allowed }) } else { Ok(()) }
+}
+
+/// The bytes that the control of this thread allows, and those of them that are in use.
+fn budget() -> Option<(u64, u64)> {
+    HERE.with(|here| {
+        let here = here.borrow();
+        let state = &here.as_ref()?.state;
+        let used = if state.whole { memory::in_use() } else { 0 };
+        Some((state.memory?, used))
+    })
+}
+
+/// The bytes that a piece of work may take; no limit without one.
+pub(crate) fn left() -> u64 {
+    budget().map_or(u64::MAX, |(allowed, used)| allowed.saturating_sub(used))
 }
 
 /// Ends work that was cancelled: loops whose passes take long call this in each.
@@ -248,6 +270,21 @@ mod tests {
         let refused = control.run(|| ask(1001)).unwrap_err();
         assert!(matches!(refused, Error::Memory { required: 1001, allowed: 1000, .. }), "{refused}");
         assert!(ask(1001).is_ok());
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn what_the_process_has_counts_where_the_limit_is_the_processes() {
+        let block = std::hint::black_box(vec![1u8; 300 << 20]);
+        let control = Control::of_process(256 << 20);
+        let ask = || control.run(|| require(64 << 20, || "a system".into()));
+        let Err(Error::Memory { required, .. }) = ask() else { panic!("not refused") };
+        assert!(required >= (300 + 64 - 80) << 20, "{required}");
+        assert!(Control::with_memory(256 << 20).run(|| require(64 << 20, || "a system".into())).is_ok());
+        let all = Control::of_process(64 << 30).run(|| Ok(left())).unwrap();
+        assert!(all < 64 << 30, "{all}");
+        assert_eq!(left(), u64::MAX);
+        drop(block);
     }
 
     #[test]

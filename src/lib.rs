@@ -87,6 +87,7 @@ pub mod io;
 #[path = "io/bare.rs"]
 pub mod io;
 pub mod mapping;
+mod memory;
 pub mod models;
 pub mod picture;
 pub mod progress;

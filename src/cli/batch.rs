@@ -85,6 +85,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let mut rows = Vec::new();
     for (k, item) in items.iter().enumerate() {
         session.say(&format!("[{}/{}] {}", k + 1, items.len(), item.name));
+        session.bars.item(k, items.len());
         let start = Instant::now();
         let outcome = batch
             .item(&mut session, item)
@@ -96,6 +97,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         rows.push((item.name.as_str(), outcome, start.elapsed().as_secs_f64()));
     }
     session.say(&table(&rows));
+    worth(&rows).iter().for_each(|line| session.say(line));
     let report = report(&session, &rows);
     session.write_report(&report)?;
     let failed: Vec<&str> = rows.iter().filter(|r| matches!(r.1, Outcome::Failed(_))).map(|r| r.0).collect();
@@ -232,8 +234,9 @@ impl Batch<'_> {
             look: &look,
             outputs: &outputs,
         };
-        let (_, _, mut report) = job.run(session, "batch", &mut self.source, &mut target)?;
+        let (result, _, mut report) = job.run(session, "batch", &mut self.source, &mut target)?;
         add(&mut report, &charts);
+        report["verdict"] = transfer::verdict(&result, &report).describe();
         let record = Record::new(&item.name, key, report, folder.path())?;
         record.write(folder.path())?;
         folder.finish()?;
@@ -274,6 +277,27 @@ fn table(rows: &[(&str, Outcome, f64)]) -> String {
     text + &format!("\n{} done, {} skipped, {} failed", count("done"), count("skipped"), count("failed"))
 }
 
+/// What the results are worth: those with something to be seen to, and how many of each kind.
+fn worth(rows: &[(&str, Outcome, f64)]) -> Vec<String> {
+    let judged = || rows.iter().filter_map(|r| Some((r.0, &r.1.measures()?["verdict"])));
+    let because = |verdict: &Value| {
+        let reasons: Vec<&str> =
+            verdict["because"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+        reasons.join("; ")
+    };
+    let mut lines: Vec<String> = judged()
+        .filter_map(|(name, verdict)| match verdict["word"].as_str()? {
+            "look" => Some(format!("{name}: look at the result: {}", because(verdict))),
+            "not usable" => Some(format!("{name}: not usable, because {}", because(verdict))),
+            _ => None,
+        })
+        .collect();
+    let count = |word: &str| judged().filter(|(_, verdict)| verdict["word"] == word).count();
+    let (good, look, unusable) = (count("good"), count("look"), count("not usable"));
+    lines.push(format!("{good} good, {look} to look at, {unusable} not usable"));
+    lines
+}
+
 fn report(session: &Session<'_>, rows: &[(&str, Outcome, f64)]) -> Value {
     let item = |(name, outcome, seconds): &(&str, Outcome, f64)| {
         let mut item = json!({"name": name, "status": outcome.word(), "seconds": seconds});
@@ -292,6 +316,7 @@ fn report(session: &Session<'_>, rows: &[(&str, Outcome, f64)]) -> Value {
     report["done"] = json!(count("done"));
     report["skipped"] = json!(count("skipped"));
     report["failed"] = json!(count("failed"));
+    report["verdict"] = json!(worth(rows).pop());
     report["items"] = rows.iter().map(item).collect();
     report
 }

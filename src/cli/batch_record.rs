@@ -16,7 +16,7 @@ pub(crate) const FILE: &str = "item.json";
 
 /// Changes whenever the same inputs and options may give another result, or the record another
 /// form.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// The record of a result. The same inputs and options give the same bytes: it holds no times.
 #[derive(Debug)]

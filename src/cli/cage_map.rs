@@ -13,6 +13,7 @@ use crate::mapping::plane::{
     Cage, CertifyOptions, CompositeMap, Coordinates, Partition, PartitionKind, PartitionOptions, PathKind,
     SampleOptions, Verdict, certify, partition,
 };
+use crate::progress::Repeated;
 use crate::{Error, Result};
 
 /// How a cage becomes a map.
@@ -111,8 +112,9 @@ impl CageMap {
         let mut verdicts = Vec::new();
         if arguments.certify && !found.folds {
             let budget = CertifyOptions { boxes: arguments.boxes, ..CertifyOptions::default() };
+            let progress = Repeated::new(&session.bars, found.polygons.len() - 1);
             for pair in found.polygons.windows(2) {
-                verdicts.push(certify(&pair[0], &pair[1], &budget, session.progress())?);
+                verdicts.push(certify(&pair[0], &pair[1], &budget, &progress)?);
             }
             session.watch.lap("certify");
         }

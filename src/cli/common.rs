@@ -18,11 +18,12 @@ use crate::progress::Progress;
 use crate::surface::Sampling;
 use crate::surface::{AnchorPairs, EmbeddingOptions};
 use crate::tools::stopwatch::{StageTime, Stopwatch};
-use crate::{Error, Result};
+use crate::{Error, Result, control, memory};
 use clap::Args;
 use serde_json::{Value, json};
 
 use crate::cli::machine::Machine;
+use crate::cli::plan::Stages;
 use crate::cli::progress_bar::Bars;
 use crate::cli::streams::stdout_taken;
 use crate::cli::told::Told;
@@ -45,7 +46,8 @@ pub(crate) struct Common {
     /// Write a JSON report here
     #[arg(long, global = true)]
     pub(crate) report: Option<PathBuf>,
-    /// Memory that a transfer may use, in bytes or with K, M, G
+    /// Memory that the process may use, in bytes or with K, M, G: work that takes more is refused
+    /// with the number. The program itself (100 MB, 400 with a software adapter) comes on top
     #[arg(long, default_value = "4G", value_parser = bytes, global = true)]
     pub(crate) memory: u64,
     /// Which axis of the meshes points up (y if not given): pictures show it upright, and glTF,
@@ -78,6 +80,9 @@ pub(crate) struct Common {
     /// target's. Without it, the one that the material's base colour has
     #[arg(long, value_name = "N[,N]", value_delimiter = ',', num_args = 1..=2, global = true)]
     pub(crate) uv_set: Vec<usize>,
+    /// The stages of the command.
+    #[arg(skip)]
+    pub(crate) stages: Stages,
 }
 
 impl Common {
@@ -135,6 +140,27 @@ pub(crate) fn note(text: &str) {
     let _ = writeln!(std::io::stderr(), "note: {text}");
 }
 
+/// Does a piece of work with the memory that is left of the limit, `there` more of which it counts
+/// as its own though it is in use; where that is too little, the error counts what the process has
+/// already.
+pub(crate) fn with_what_is_left<T>(common: &Common, there: u64, work: impl FnOnce(u64) -> Result<T>) -> Result<T> {
+    let left = control::left().saturating_add(there);
+    work(left).map_err(|error| match error {
+        Error::Memory { what, required, allowed } if allowed == left => {
+            let used = common.memory.saturating_sub(left);
+            Error::Memory { what, required: required.saturating_add(used), allowed: common.memory }
+        }
+        error => error,
+    })
+}
+
+/// Tells why the command ends, on stderr; returns its exit code.
+pub(crate) fn failed(error: Error) -> u8 {
+    let error = crate::cli::as_option(error);
+    let _ = writeln!(std::io::stderr(), "barymap: {error}");
+    crate::cli::code(&error)
+}
+
 /// A command at work: its engine, progress and clock.
 pub(crate) struct Session<'a> {
     pub(crate) common: &'a Common,
@@ -185,11 +211,16 @@ impl<'a> Session<'a> {
             backend: if auto_on_cpu { Backend::Cpu } else { backend },
             adapter: common.adapter.clone(),
             cpu_stages: common.host.clone(),
+            // Of a software adapter it is the process's own.
+            memory: Some(common.memory),
             ..EngineOptions::default()
         })?;
+        if engine.gpu().is_some() {
+            memory::allow_driver();
+        }
         let session = Self {
             common,
-            bars: Bars::new(common.quiet),
+            bars: Bars::new(common.quiet, common.stages),
             watch: Stopwatch::on(&engine),
             engine,
             field: None,

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 use serde_json::json;
 
-use crate::cli::common::{Common, Session, Surface, check_outputs, size, usage};
+use crate::cli::common::{Common, Session, Surface, check_outputs, size, usage, with_what_is_left};
 use crate::cli::pictures::Quality;
 use crate::geometry::Placement;
 use crate::io::AnchorSpec;
@@ -226,12 +226,15 @@ fn draw(
         supersample: arguments.supersample,
         linear_light: arguments.linear_light,
         material,
-        memory: session.common.memory,
+        memory: u64::MAX,
     };
     // A decal is drawn where the material shows the texel.
     let mesh = &surface.mesh;
     let placements: Vec<Placement> = mesh.materials.iter().map(|m| m.base_color_placement).collect();
-    let painted = paint_placed(&session.engine, mesh, &placements, made, picture, &options, session.progress())?;
+    let painted = with_what_is_left(session.common, 0, |memory| {
+        let options = PaintOptions { memory, ..options };
+        paint_placed(&session.engine, mesh, &placements, made, picture, &options, session.progress())
+    })?;
     for note in &painted.stats.notes {
         session.warn(note);
     }

@@ -15,6 +15,7 @@ mod demo;
 mod devices;
 mod embed;
 mod examples;
+mod guard;
 mod interrupt;
 mod layer_kinds;
 mod machine;
@@ -24,6 +25,7 @@ mod model_file;
 mod morph;
 mod named;
 mod pictures;
+mod plan;
 mod progress_bar;
 mod remesh;
 mod render;
@@ -41,7 +43,6 @@ mod warp_points;
 mod weights;
 
 use std::ffi::OsString;
-use std::io::Write;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -183,11 +184,7 @@ pub fn run<T: Into<OsString> + Clone>(arguments: impl IntoIterator<Item = T>) ->
     }
     match given(arguments.into_iter().map(Into::into).collect()) {
         Ok(code) => code,
-        Err(error) => {
-            let error = as_option(error);
-            let _ = writeln!(std::io::stderr(), "barymap: {error}");
-            ExitCode::from(code(&error))
-        }
+        Err(error) => ExitCode::from(common::failed(error)),
     }
 }
 
@@ -196,7 +193,10 @@ fn carry_out(cli: &mut Cli) -> Result<()> {
     let (machine, notes) = Machine::prepare(cli.common.threads)?;
     notes.iter().filter(|_| !cli.common.quiet).for_each(|text| common::note(text));
     cli.common.memory = cli.common.memory.min(machine.addresses.unwrap_or(u64::MAX));
-    let work = || Control::with_memory(cli.common.memory).run(|| command(cli));
+    if machine.more_threads {
+        guard::watch(cli.common.memory);
+    }
+    let work = || Control::of_process(cli.common.memory).run(|| command(cli));
     if cli.common.confine { crate::io::confined(work) } else { work() }
 }
 
@@ -220,6 +220,7 @@ fn given(arguments: Vec<OsString>) -> Result<ExitCode> {
         }
     };
     let folders = named::check(&program, &matches, cli.common.overwrite)?;
+    cli.common.stages = plan::stages(matches.subcommand_name().unwrap_or_default());
     let done = carry_out(&mut cli);
     if done.is_err() {
         // A folder that something was written to stays.

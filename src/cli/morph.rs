@@ -17,7 +17,7 @@ use crate::surface::AnchorPairs;
 use crate::tools::animate::frames::{FrameFolder, FrameFormat};
 use crate::tools::cage::pose;
 use crate::tools::morph::{CompatibleReport, FrameReport, FrameWatch, Morpher, compatible_mesh, without_normals};
-use crate::{Error, Result};
+use crate::{Error, Result, control};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -152,7 +152,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let mask =
         arguments.mask.as_ref().map(|path| read_mask(path, meshes[0].vertex_count(), meshes.len())).transpose()?;
     if glb {
-        check_frames(&session, count, meshes[0].vertex_count())?;
+        check_frames(count, meshes[0].vertex_count())?;
     }
     session.watch.lap("prepare");
     // Normals of an in-between would be wrong: readers make their own.
@@ -231,15 +231,11 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
 }
 
 /// Fails if the frames of a GLB, which are in memory together, take more than is allowed.
-fn check_frames(session: &Session<'_>, count: usize, vertices: usize) -> Result<()> {
+fn check_frames(count: usize, vertices: usize) -> Result<()> {
     // A position as it is computed, and as the file has it.
     let bytes = (size_of::<DVec3>() + size_of::<[f32; 3]>()) as u64;
     let required = bytes.saturating_mul(count as u64).saturating_mul(vertices as u64);
-    if required > session.common.memory {
-        let what = format!("{count} frames of {vertices} vertices in a GLB");
-        return Err(Error::Memory { what, required, allowed: session.common.memory });
-    }
-    Ok(())
+    control::require(required, || format!("{count} frames of {vertices} vertices in a GLB"))
 }
 
 fn write_mesh(session: &Session<'_>, mesh: &Mesh, path: &Path) -> Result<()> {

@@ -1,85 +1,102 @@
-//! Progress: a bar on a terminal, a line now and then elsewhere.
+//! Progress over the whole job: a bar on a terminal, a line now and then elsewhere.
 
 use std::io::{IsTerminal, Write};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::mpsc::{self, RecvTimeoutError, Sender};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::cli::machine::Machine;
+use crate::cli::plan::{Plan, Stages};
 use crate::progress::Progress;
 
 /// Time between two lines.
 const EVERY: Duration = Duration::from_secs(5);
+/// Parts of a whole bar.
+const PARTS: u64 = 1000;
 
-/// Shows on stderr how far each stage is, and for how long the command has worked: a bar on a
-/// terminal, which leaves nothing behind; else a line every few seconds.
+/// Shows on stderr what a command does, how far the whole job is, and for how long it has worked: a
+/// bar on a terminal, which leaves nothing behind; else a line every few seconds. How long the rest
+/// takes is not told: stages are too different to know.
 #[derive(Debug)]
 pub(crate) struct Bars {
-    shown: Mutex<Shown>,
-    begun: Instant,
+    state: Arc<Mutex<State>>,
+    /// Tells lines in time, however long a stage says nothing. It ends when the sender is gone.
+    teller: Option<(Sender<()>, JoinHandle<()>)>,
 }
 
-/// What is shown of the stage.
+/// What is known and how it is shown.
+#[derive(Debug)]
+struct State {
+    shown: Shown,
+    begun: Instant,
+    stage: String,
+    plan: Plan,
+}
+
+/// How it is shown.
 #[derive(Debug)]
 enum Shown {
     Nothing,
     Bar(Option<ProgressBar>),
-    Lines(Lines),
+    /// The time of the last line.
+    Lines(Instant),
 }
 
-/// A stage told in lines.
-#[derive(Debug)]
-struct Lines {
-    stage: String,
-    done: u64,
-    total: u64,
-    last: Instant,
-}
-
-impl Lines {
+impl State {
     /// What there is to say at `now`, if it is time.
-    fn due(&mut self, begun: Instant, now: Instant) -> Option<String> {
-        if self.stage.is_empty() || now.duration_since(self.last) < EVERY {
+    fn due(&mut self, now: Instant) -> Option<String> {
+        let Shown::Lines(last) = &mut self.shown else { return None };
+        if self.stage.is_empty() || now.duration_since(*last) < EVERY {
             return None;
         }
-        self.last = now;
-        let share = match self.total {
-            0 => String::new(),
-            // Counts of several passes may go beyond it.
-            total => format!(", {} %", 100 * self.done.min(total) / total),
-        };
-        Some(format!("{}{share}, {} s since the start", self.stage, now.duration_since(begun).as_secs()))
+        *last = now;
+        let share = self.plan.share().map_or_else(String::new, |s| format!(", {:.0} % of the whole", 100.0 * s));
+        Some(format!("{}{share}, {} s since the start", self.stage, now.duration_since(self.begun).as_secs()))
+    }
+
+    /// Brings what is shown up to date.
+    fn show(&mut self) {
+        if let Some(text) = self.due(Instant::now()) {
+            // As common::note: a closed stream changes nothing.
+            let _ = writeln!(std::io::stderr(), "{text}");
+        }
+        let share = self.plan.share();
+        if let Shown::Bar(Some(bar)) = &self.shown {
+            bar.set_position((share.unwrap_or(0.0) * PARTS as f64) as u64);
+        }
     }
 }
 
 impl Bars {
-    /// Progress on stderr, unless `quiet`.
-    pub(crate) fn new(quiet: bool) -> Self {
-        let begun = Instant::now();
+    /// Progress on stderr of a job with these stages, unless `quiet`.
+    pub(crate) fn new(quiet: bool, stages: Stages) -> Self {
+        let (begun, more_threads) = (Instant::now(), Machine::here().more_threads);
         // A bar draws itself from a thread of its own.
-        let shown = match (quiet, std::io::stderr().is_terminal() && Machine::here().more_threads) {
+        let shown = match (quiet, std::io::stderr().is_terminal() && more_threads) {
             (true, _) => Shown::Nothing,
             (false, true) => Shown::Bar(None),
-            (false, false) => Shown::Lines(Lines { stage: String::new(), done: 0, total: 0, last: begun }),
+            (false, false) => Shown::Lines(begun),
         };
-        Self { shown: Mutex::new(shown), begun }
+        let lines = matches!(shown, Shown::Lines(_)) && more_threads;
+        let state = State { shown, begun, stage: String::new(), plan: Plan::new(stages) };
+        let state = Arc::new(Mutex::new(state));
+        let teller = lines.then(|| teller(Arc::clone(&state))).flatten();
+        Self { state, teller }
     }
 
-    fn shown(&self) -> MutexGuard<'_, Shown> {
-        self.shown.lock().unwrap_or_else(PoisonError::into_inner)
+    /// Item `k` of `count` equal ones begins.
+    pub(crate) fn item(&self, k: usize, count: usize) {
+        let mut state = lock(&self.state);
+        state.plan.item(k, count);
+        state.show();
     }
 
-    fn tell(&self, lines: &mut Lines) {
-        if let Some(text) = lines.due(self.begun, Instant::now()) {
-            // As common::note: a closed stream changes nothing.
-            let _ = writeln!(std::io::stderr(), "{text}");
-        }
-    }
-
-    /// Removes the last bar.
+    /// Removes the bar, until the next stage begins.
     pub(crate) fn finish(&self) {
-        if let Shown::Bar(bar) = &mut *self.shown()
+        if let Shown::Bar(bar) = &mut lock(&self.state).shown
             && let Some(bar) = bar.take()
         {
             bar.finish_and_clear();
@@ -87,56 +104,66 @@ impl Bars {
     }
 }
 
-/// A bar for a stage of `total` items; 0 where that is not known.
-fn bar(name: &str, total: u64) -> ProgressBar {
-    let bar = ProgressBar::with_draw_target((total > 0).then_some(total), ProgressDrawTarget::stderr_with_hz(8));
-    let template = match total {
-        0 => "{msg:28} {spinner} {elapsed}",
-        _ => "{msg:28} {bar:30} {percent:>3} %  {elapsed}, {eta} left of this stage",
+fn lock(state: &Mutex<State>) -> MutexGuard<'_, State> {
+    state.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Starts the thread that tells lines; none where the system gives none.
+fn teller(state: Arc<Mutex<State>>) -> Option<(Sender<()>, JoinHandle<()>)> {
+    let (sender, receiver) = mpsc::channel::<()>();
+    let work = move || {
+        while receiver.recv_timeout(Duration::from_secs(1)) == Err(RecvTimeoutError::Timeout) {
+            lock(&state).show();
+        }
+    };
+    let thread = thread::Builder::new().name("progress".into()).spawn(work).ok()?;
+    Some((sender, thread))
+}
+
+/// A bar for a job that began at `begun`; without a bar where its `share` is not known.
+fn bar(name: &str, begun: Instant, share: Option<f64>) -> ProgressBar {
+    let bar = ProgressBar::with_draw_target(Some(PARTS), ProgressDrawTarget::stderr_with_hz(8));
+    let template = match share {
+        None => "{msg:28} {spinner} {elapsed}",
+        Some(_) => "{msg:28} {bar:30} {percent:>3} %  {elapsed}",
     };
     if let Ok(style) = ProgressStyle::with_template(template) {
         bar.set_style(style);
     }
-    bar.set_message(name.to_owned());
+    let bar = bar.with_elapsed(begun.elapsed()).with_message(name.to_owned());
     bar.enable_steady_tick(Duration::from_millis(500));
     bar
 }
 
 impl Progress for Bars {
     fn stage(&self, name: &str, total: u64) {
-        match &mut *self.shown() {
-            Shown::Nothing => {}
-            Shown::Bar(current) => {
-                if let Some(old) = current.replace(bar(name, total)) {
-                    old.finish_and_clear();
-                }
-            }
-            Shown::Lines(lines) => {
-                (lines.stage, lines.done, lines.total) = (name.to_owned(), 0, total);
-                self.tell(lines);
-            }
+        let mut state = lock(&self.state);
+        state.plan.stage(name, total);
+        name.clone_into(&mut state.stage);
+        let (begun, share) = (state.begun, state.plan.share());
+        if let Shown::Bar(current) = &mut state.shown
+            && let Some(old) = current.replace(bar(name, begun, share))
+        {
+            old.finish_and_clear();
         }
+        state.show();
     }
 
     fn advance(&self, count: u64) {
-        match &mut *self.shown() {
-            Shown::Nothing => {}
-            Shown::Bar(bar) => {
-                if let Some(bar) = bar {
-                    bar.inc(count);
-                }
-            }
-            Shown::Lines(lines) => {
-                lines.done = lines.done.saturating_add(count);
-                self.tell(lines);
-            }
-        }
+        let mut state = lock(&self.state);
+        state.plan.advance(count);
+        state.show();
     }
 }
 
 impl Drop for Bars {
     fn drop(&mut self) {
         self.finish();
+        if let Some((sender, thread)) = self.teller.take() {
+            drop(sender);
+            // A line that is being written is finished; a panic there has been told.
+            let _ = thread.join();
+        }
     }
 }
 
@@ -148,15 +175,23 @@ mod tests {
     fn a_line_comes_every_few_seconds_and_says_how_far() {
         let begun = Instant::now();
         let at = |seconds: u64| begun + Duration::from_secs(seconds);
-        let mut lines = Lines { stage: String::new(), done: 0, total: 0, last: begun };
-        assert_eq!(lines.due(begun, at(60)), None, "nothing has begun");
-        (lines.stage, lines.done, lines.total) = ("transfer".into(), 30, 200);
-        assert_eq!(lines.due(begun, at(4)), None);
-        assert_eq!(lines.due(begun, at(7)).unwrap(), "transfer, 15 %, 7 s since the start");
-        assert_eq!(lines.due(begun, at(11)), None);
-        (lines.done, lines.total) = (300, 200);
-        assert_eq!(lines.due(begun, at(12)).unwrap(), "transfer, 100 %, 12 s since the start");
-        lines.total = 0;
-        assert_eq!(lines.due(begun, at(30)).unwrap(), "transfer, 30 s since the start");
+        let plan = Plan::new(&[("map", 30.0), ("transfer", 70.0)]);
+        let mut state = State { shown: Shown::Lines(begun), begun, stage: String::new(), plan };
+        assert_eq!(state.due(at(60)), None, "nothing has begun");
+        state.stage = "map".into();
+        state.plan.stage("map", 200);
+        state.plan.advance(100);
+        assert_eq!(state.due(at(4)), None);
+        assert_eq!(state.due(at(7)).unwrap(), "map, 15 % of the whole, 7 s since the start");
+        assert_eq!(state.due(at(11)), None);
+        state.stage = "transfer".into();
+        state.plan.stage("transfer", 200);
+        assert_eq!(state.due(at(12)).unwrap(), "transfer, 30 % of the whole, 12 s since the start");
+        // Counts of several passes may go beyond the total.
+        state.plan.advance(300);
+        assert_eq!(state.due(at(30)).unwrap(), "transfer, 100 % of the whole, 30 s since the start");
+        let mut unknown = State { plan: Plan::new(&[]), ..state };
+        unknown.plan.stage("transfer", 0);
+        assert_eq!(unknown.due(at(40)).unwrap(), "transfer, 40 s since the start");
     }
 }

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 
 use crate::cli::cage_map::{CageMap, MappingArguments};
-use crate::cli::common::{Common, Session, check_outputs, size, usage};
+use crate::cli::common::{Common, Session, check_outputs, size, usage, with_what_is_left};
 use crate::cli::pictures::Quality;
 use crate::cli::shard::{Part, Shard, part, shard};
 use crate::io::cage::CageUnits;
@@ -15,6 +15,7 @@ use crate::io::finite;
 use crate::io::image_file::{Metadata, Picture};
 use crate::mapping::plane::{CompositeMap, Coordinates, jacobian_min};
 use crate::picture::Image;
+use crate::progress::Repeated;
 use crate::tools::transfer::Encoding;
 use crate::tools::warp::frames::{cut, times};
 use crate::tools::warp::pictures::{heat_map, lattice_picture, overlay};
@@ -111,11 +112,15 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let mut last: Option<WarpOutput> = None;
     // The frame whose notes stand for those of all.
     let mut told = None;
+    let progress = Repeated::new(&session.bars, frames.list.len());
     for (k, frame) in frames.list.iter().enumerate() {
         let started = std::time::Instant::now();
         let jacobian = arguments.heatmap.is_some() && k + 1 == frames.list.len();
-        let options = WarpOptions { jacobian, ..options.clone() };
-        let mut warped = warp_picture(&session.engine, &image, &frame.map, &options, session.progress())?;
+        let mut options = WarpOptions { jacobian, ..options.clone() };
+        let mut warped = with_what_is_left(common, bytes(&image), |memory| {
+            options.memory = memory;
+            warp_picture(&session.engine, &image, &frame.map, &options, &progress)
+        })?;
         let loops = options.target.loops(frame.map.target());
         warped.image = arguments.look.feathered(&session, &image, warped.image, &loops, &options)?;
         seconds += started.elapsed().as_secs_f64();
@@ -184,6 +189,11 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
+/// Bytes of a picture's samples.
+fn bytes(image: &Image) -> u64 {
+    (image.pixels.len() * image.depth().bytes()) as u64
+}
+
 /// The names of what was written.
 fn written(frames: &[Frame]) -> String {
     match frames {
@@ -238,7 +248,6 @@ fn options(session: &Session<'_>, arguments: &Arguments, image: &Image, units: C
         canvas: Some(canvas),
         source: placement(image.height),
         target,
-        memory: session.common.memory,
         ..WarpOptions::default()
     })
 }

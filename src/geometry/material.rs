@@ -33,6 +33,10 @@ pub struct Material {
     pub look: Look,
     /// What its MTL file says beside that.
     pub statements: Vec<Statement>,
+    /// Options of its textures, by role, that are not followed, as its MTL file has them: each with
+    /// a blank before it.
+    #[doc(hidden)]
+    pub texture_options: Vec<(String, Vec<u8>)>,
 }
 
 impl Default for Material {
@@ -49,6 +53,7 @@ impl Default for Material {
             textures: Vec::new(),
             look: Look::default(),
             statements: Vec::new(),
+            texture_options: Vec::new(),
         }
     }
 }

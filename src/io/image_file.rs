@@ -32,7 +32,7 @@ use self::format::{Content, Format};
 use self::orientation::Orientation;
 use super::{output, source};
 use crate::picture::{Image, Pixels};
-use crate::{Error, Result};
+use crate::{Error, Result, control};
 
 #[doc(hidden)]
 pub use self::metadata::{Density, DensityUnit};
@@ -150,7 +150,36 @@ fn decode_within(bytes: &[u8], name: &Path, layer: Option<&str>, most: u64) -> R
         Content::OpenExr => exr_read::read(bytes, layer, &name.to_string_lossy(), most),
         Content::Other(format) => other::read(bytes, format, most),
     };
-    decoded.map_err(fail)
+    decoded.map_err(|refused| match refused {
+        Refused::Why(what) => fail(what),
+        Refused::Memory { picture, required, allowed } => {
+            Error::Memory { what: format!("{}: {picture}", name.display()), required, allowed }
+        }
+    })
+}
+
+/// Why a picture is not read.
+enum Refused {
+    /// In a sentence.
+    Why(String),
+    /// It takes more memory than there is.
+    Memory { picture: String, required: u64, allowed: u64 },
+}
+
+impl From<String> for Refused {
+    fn from(what: String) -> Self {
+        Self::Why(what)
+    }
+}
+
+/// Refuses a picture of `bytes` bytes if they, and a copy on the way from the decoder's form to
+/// ours, are more than is allowed.
+fn require(width: u64, height: u64, bytes: u64) -> std::result::Result<(), Refused> {
+    match control::require(bytes.saturating_mul(2), || format!("a picture of {width} x {height} pixels")) {
+        Err(Error::Memory { what: picture, required, allowed }) => Err(Refused::Memory { picture, required, allowed }),
+        Err(error) => Err(error.to_string().into()),
+        Ok(()) => Ok(()),
+    }
 }
 
 /// The sentence on a picture whose size does not fit its file.

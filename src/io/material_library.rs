@@ -29,6 +29,8 @@ pub(crate) fn read(path: &Path, notes: &mut Notes) -> Result<Vec<LibraryMaterial
     let mut lines = StatementLines::new(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes));
     let mut materials: Vec<LibraryMaterial> = Vec::new();
     let mut line = Vec::new();
+    // Comments before the first material, which often say whose work it is.
+    let mut head = Vec::new();
     while lines.read(&mut line, path)? {
         let line = line.trim_ascii();
         let split = line.iter().position(u8::is_ascii_whitespace).unwrap_or(line.len());
@@ -37,10 +39,16 @@ pub(crate) fn read(path: &Path, notes: &mut Notes) -> Result<Vec<LibraryMaterial
             continue;
         }
         if keyword.eq_ignore_ascii_case("newmtl") {
-            materials.push(LibraryMaterial { name: rest.to_vec(), material: Material::default() });
+            let material = Material { statements: std::mem::take(&mut head), ..Material::default() };
+            materials.push(LibraryMaterial { name: rest.to_vec(), material });
             continue;
         }
-        let Some(entry) = materials.last_mut() else { continue };
+        let Some(entry) = materials.last_mut() else {
+            if keyword.starts_with('#') {
+                head.push(Statement { text: line.to_vec(), file: None });
+            }
+            continue;
+        };
         if keyword.starts_with('#') {
             entry.material.statements.push(Statement { text: line.to_vec(), file: None });
             continue;
@@ -77,14 +85,16 @@ fn plain(material: &mut Material, keyword: &str, line: &[u8], rest: &[u8]) {
             if let Some(color) = color() {
                 material.base_color[..3].copy_from_slice(&color);
                 (material.has_base_color, material.srgb_base_color) = (true, true);
+                return;
             }
-            return;
         }
         "d" => {
             if let Some(opacity) = words.clone().last().and_then(number) {
                 material.base_color[3] = opacity;
+                if words.clone().count() == 1 {
+                    return;
+                }
             }
-            return;
         }
         "ke" => {
             if let Some(color) = color() {
@@ -120,12 +130,20 @@ fn texture(entry: &mut LibraryMaterial, path: &Path, role: &str, line: &[u8], re
         notes.say(format!("material {name:?}: {what} of its {role} texture is passed over"));
     }
     let (file, placement) = (found.into_path(), read.placement());
+    let second = role != BASE_COLOR && material.textures.iter().any(|t| t.role == role);
+    if !second {
+        // A second base colour takes the place of the first.
+        material.texture_options.retain(|(of, _)| of != role);
+        if !read.kept.is_empty() {
+            material.texture_options.push((role.to_owned(), read.kept));
+        }
+    }
     if role == BASE_COLOR {
         material.base_color_texture = Some(file);
         material.base_color_placement = placement;
         return;
     }
-    if material.textures.iter().any(|t| t.role == role) {
+    if second {
         // The first of a role is its texture; the second is only kept.
         let before = line.len() - read.name_from_end;
         material.statements.push(Statement { text: line[..before].to_vec(), file: Some(file) });
@@ -221,7 +239,8 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let file = dir.path().join("m.mtl");
         std::fs::write(dir.path().join("ns.png"), b"").unwrap();
-        let text = "# by hand\rnewmtl a # one\rNs 96.078431\rKd 1 0 0 # red\rillum 2\rmap_Ns -clamp on C:\\x\\ns.png\rPr 0.25\rKe 1 1 1";
+        let text = "# by hand\rnewmtl a # one\rNs 96.078431\rKd 1 0 0 # red\rillum 2\rmap_Ns -clamp on C:\\x\\ns.png\rPr 0.25\rKe 1 1 1\r\
+            Kd spectral a.rfl\rd -halo 0.5\rmap_Kd -blendu off -s 2 -mm 0.1 0.9 ns.png -imfchan r";
         std::fs::write(&file, text).unwrap();
         let mut notes = Notes::default();
         let entry = read(&file, &mut notes).unwrap().remove(0);
@@ -229,9 +248,12 @@ mod tests {
         let kept: Vec<String> = (entry.material.statements.iter())
             .map(|s| format!("{}{}", String::from_utf8_lossy(&s.text), if s.file.is_some() { "FILE" } else { "" }))
             .collect();
-        assert_eq!(kept, ["Ns 96.078431", "illum 2", "map_Ns -clamp on FILE", "Pr 0.25", "Ke 1 1 1"]);
-        assert_eq!(entry.material.statements[2].file, Some(dir.path().join("ns.png")));
+        let plain = ["# by hand", "Ns 96.078431", "illum 2", "map_Ns -clamp on FILE", "Pr 0.25", "Ke 1 1 1"];
+        assert_eq!(kept, [plain.as_slice(), &["Kd spectral a.rfl", "d -halo 0.5"]].concat());
+        let options = b" -blendu off -mm 0.1 0.9 -imfchan r".to_vec();
+        assert_eq!(entry.material.texture_options, [("base_color".to_owned(), options)]);
+        assert_eq!(entry.material.statements[3].file, Some(dir.path().join("ns.png")));
         assert_eq!((entry.material.look.roughness, entry.material.look.emissive), (0.25, [1.0; 3]));
-        assert_eq!(entry.material.base_color, [1.0, 0.0, 0.0, 1.0]);
+        assert_eq!(entry.material.base_color, [1.0, 0.0, 0.0, 0.5]);
     }
 }

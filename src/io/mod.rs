@@ -59,6 +59,8 @@ pub mod markers;
 pub mod mask;
 mod material_library;
 pub mod motion;
+#[cfg(test)]
+mod mutants;
 #[doc(hidden)]
 pub mod npy;
 #[doc(hidden)]

@@ -11,7 +11,7 @@ use super::material_library::{self as library, keyword};
 use super::source::Notes;
 use super::{finite, output};
 use crate::Result;
-use crate::geometry::material::{BASE_COLOR, Placement, TextureContent, Wrap};
+use crate::geometry::material::{BASE_COLOR, TextureContent, Wrap};
 use crate::geometry::{Material, Mesh, NONE};
 use crate::picture::linear_to_srgb;
 
@@ -217,13 +217,13 @@ fn material_library(mesh: &Mesh, path: &Path, taken: Taken, companions: &mut Com
             (None, None) => None,
         };
         if let Some(texture) = texture {
-            statement(&mut text, BASE_COLOR, &material.base_color_placement, 1.0, &texture);
+            statement(&mut text, material, BASE_COLOR, 1.0, &texture);
         }
         for other in &material.textures {
             // Embedded ones in other roles stay behind: OBJ files seldom name them.
             let TextureContent::File(file) = &other.content else { continue };
             let strength = if other.role == "normal" { material.look.normal_scale } else { other.strength };
-            statement(&mut text, &other.role, &other.placement, strength, &relative(file, path));
+            statement(&mut text, material, &other.role, strength, &relative(file, path));
         }
     }
     Ok(text)
@@ -238,8 +238,9 @@ fn kd(material: &Material) -> [f32; 3] {
 }
 
 /// A statement that names a texture, if the format has one for its role.
-fn statement(text: &mut Vec<u8>, role: &str, placement: &Placement, strength: f32, file: &Path) {
+fn statement(text: &mut Vec<u8>, material: &Material, role: &str, strength: f32, file: &Path) {
     let Some(keyword) = keyword(role) else { return };
+    let placement = material.placement(role);
     text.extend_from_slice(keyword.as_bytes());
     if strength != 1.0 {
         text.extend_from_slice(format!(" -bm {strength:?}").as_bytes());
@@ -256,6 +257,8 @@ fn statement(text: &mut Vec<u8>, role: &str, placement: &Placement, strength: f3
     if placement.wrap.contains(&Wrap::Clamp) {
         text.extend_from_slice(b" -clamp on");
     }
+    let kept = material.texture_options.iter().filter(|(of, _)| of == role);
+    kept.for_each(|(_, options)| text.extend_from_slice(options));
     text.push(b' ');
     text.extend_from_slice(&path_bytes(file));
     text.push(b'\n');
@@ -364,7 +367,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let place = |name: &str| dir.path().join(name);
         std::fs::write(place("t.png"), b"").unwrap();
-        let mtl = b"newmtl K\xf6rper\nNs 10.5\nKd 0.2 0.4 0.6\nmap_Kd -s 2.0 3.0 -o 0.5 0.0 -clamp on t.png\nbump -bm 0.25 t.png\n\
+        let mtl = b"newmtl K\xf6rper\nNs 10.5\nKd 0.2 0.4 0.6\nmap_Kd -s 2.0 3.0 -o 0.5 0.0 -clamp on -blendu off t.png\nbump -bm 0.25 -texres 64 t.png\n\
             newmtl K\xfcrper\nillum 2\nmap_Ns -clamp on t.png\n";
         let obj = b"mtllib in.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\ng Arm\x83\x5c\nusemtl K\xf6rper\nf 1 2 3\ng Bein\\\nusemtl K\xfcrper\nf 1 2 3\n";
         std::fs::write(place("in.mtl"), mtl).unwrap();

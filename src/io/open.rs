@@ -4,7 +4,7 @@ use std::fs::{self, File};
 use std::io::{self, BufReader, Read};
 use std::path::Path;
 
-use crate::{Error, Result};
+use crate::{Error, Result, control};
 
 /// Opens a regular file for reading. What it is is seen before it is opened: opening a pipe waits
 /// for somebody to write.
@@ -21,7 +21,10 @@ pub(crate) fn open(path: &Path) -> Result<BufReader<File>> {
 
 /// The bytes of a regular file.
 pub(crate) fn read_all(path: &Path) -> Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    open(path)?.read_to_end(&mut bytes).map_err(|e| Error::io(path, e, "Check that the file may be read"))?;
+    let mut file = open(path)?;
+    let length = file.get_ref().metadata().map_or(0, |m| m.len());
+    control::require(length, || format!("reading {}", path.display()))?;
+    let mut bytes = Vec::with_capacity(usize::try_from(length).unwrap_or(0));
+    file.read_to_end(&mut bytes).map_err(|e| Error::io(path, e, "Check that the file may be read"))?;
     Ok(bytes)
 }

@@ -67,6 +67,29 @@ fn each_target_gets_what_a_transfer_gives() {
     assert_eq!(report["done"], 2);
     assert!(report["items"][1]["report"]["valid_fraction"].as_f64().unwrap() > 0.9, "{report}");
     assert_eq!(f.json("out/a/item.json")["report"]["method"], "rbf");
+    // The last line says in plain words what the results are worth, as a transfer does of its own.
+    let words: Vec<&Value> =
+        report["items"].as_array().unwrap().iter().map(|i| &i["report"]["verdict"]["word"]).collect();
+    let count = |word: &str| words.iter().filter(|w| **w == word).count();
+    let told = format!("{} good, {} to look at, {} not usable", count("good"), count("look"), count("not usable"));
+    assert_eq!(ran.stdout.lines().last(), Some(told.as_str()), "{}", ran.stdout);
+    assert_eq!((count("good") + count("look") + count("not usable"), &report["verdict"]), (2, &Value::from(told)));
+}
+
+#[test]
+fn what_is_not_usable_is_named_with_its_reason() {
+    let f = targets(&["a", "b"]);
+    // Each pair of the second says the opposite of the one before it.
+    let turned = std::cell::Cell::new(false);
+    f.anchors("in/b.json", 40, |p| if turned.replace(!turned.get()) { -p } else { p });
+    let ran = f.run(&format!("{BATCH} -o out --report r.json")).succeeds();
+    let verdict = f.json("r.json")["items"][1]["report"]["verdict"].clone();
+    assert_ne!(verdict["word"], "good", "{verdict}");
+    let line = ran.stdout.lines().find(|l| l.starts_with("b: ")).unwrap_or_else(|| panic!("{}", ran.stdout));
+    assert!(line.contains(verdict["because"][0].as_str().unwrap()), "{line}");
+    // What is there already is judged as when it was made.
+    let again = f.run(&format!("{BATCH} -o out")).succeeds();
+    assert!(again.stdout.contains("2 skipped") && again.stdout.contains(line), "{}", again.stdout);
 }
 
 #[test]

@@ -173,9 +173,49 @@ fn little_room_gives_an_error_or_one_thread() {
         assert!(!ran.stderr.contains("panicked"), "{}", ran.stderr);
     }
     f.shell("ulimit -v 400000; barymap --help && barymap transfer --help").succeeds();
-    // Threads: the superuser gets them all the same.
-    let ran = f.shell(&format!("bash -c 'ulimit -u 1; barymap {TRANSFER} -o u.png'"));
-    assert!(matches!(ran.code, Some(0 | 1)) && !ran.stderr.contains("panicked"), "{:?} {}", ran.code, ran.stderr);
+}
+
+/// What a shell runs as somebody for whom limits of processes hold, which is anybody but the
+/// superuser: `barymap` in a folder that everybody may write to.
+#[cfg(target_os = "linux")]
+fn as_plain_user(f: &Folder, commands: &str) -> crate::support::Ran {
+    use std::os::unix::fs::{MetadataExt, PermissionsExt};
+    let open = |path: std::path::PathBuf| {
+        std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o777)).unwrap();
+    };
+    let program = f.path("barymap");
+    if !program.exists() {
+        std::fs::copy(env!("CARGO_BIN_EXE_barymap"), &program).unwrap();
+        open(program);
+        open(f.path("."));
+    }
+    let superuser = std::fs::metadata("/proc/self").unwrap().uid() == 0;
+    // A number that nobody has, so that no other process counts.
+    let user = if superuser { "setpriv --reuid=64321 --regid=64321 --clear-groups " } else { "" };
+    f.shell(&format!("{user}bash -c 'export BARYMAP_CACHE=$PWD/own; {commands}'"))
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn without_further_threads_one_does_the_work() {
+    let f = Folder::spheres();
+    f.run(&format!("{TRANSFER} --backend cpu --no-cache -o many.png")).succeeds();
+    let job = format!("./barymap {TRANSFER} --no-cache");
+    let ran = as_plain_user(&f, &format!("ulimit -u 1; exec {job} -o one.png"));
+    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+    assert!(!ran.stderr.contains("panicked"), "{}", ran.stderr);
+    assert_eq!(f.bytes("one.png"), f.bytes("many.png"));
+    // The limit held: a process more is refused.
+    let ran = as_plain_user(&f, "ulimit -u 1; ./barymap --version; echo no");
+    assert!(ran.code != Some(0) || !ran.stdout.contains("barymap"), "{ran:?}");
+    // Few addresses at the same time.
+    let ran = as_plain_user(&f, &format!("ulimit -u 1; ulimit -v 400000; exec {job} -o v.png"));
+    ran.fails(1, &["ulimit -v"]);
+    for command in ["warp s.png --cage cage.json -o w.png", "devices", "render s.obj -o r.png --size 64"] {
+        f.write("cage.json", r#"{"source": [[0, 0], [9, 0], [9, 9]], "target": [[0, 0], [8, 0], [9, 9]]}"#);
+        let ran = as_plain_user(&f, &format!("ulimit -u 1; exec ./barymap {command}"));
+        assert!(matches!(ran.code, Some(0 | 1)) && !ran.stderr.contains("panicked"), "{command}: {ran:?}");
+    }
 }
 
 #[test]

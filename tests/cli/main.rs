@@ -16,10 +16,12 @@ mod gltf;
 #[path = "../common/gltf_validator.rs"]
 mod gltf_validator;
 mod kinds;
+mod long;
 mod look;
 mod machine;
 mod map;
 mod materials;
+mod memory;
 mod morph;
 mod pairs;
 mod pictures;

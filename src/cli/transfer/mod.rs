@@ -7,7 +7,9 @@ use std::path::{Path, PathBuf};
 use model::{Skin, SourceLook};
 use serde_json::json;
 
-use crate::cli::common::{Common, EmbeddingArguments, Session, Surface, anchor_pairs, check_outputs, size, usage};
+use crate::cli::common::{
+    Common, EmbeddingArguments, Session, Surface, anchor_pairs, check_outputs, size, usage, with_what_is_left,
+};
 use crate::cli::layer_kinds::LayerKinds;
 use crate::cli::method::{MethodArguments, prepare};
 use crate::cli::pictures::Quality;
@@ -285,8 +287,9 @@ impl<'p> Job<'_, 'p> {
         let parts = names.parts(&target.mesh, &|text| session.warn(text))?;
         names.check(&parts, &roles, &target.mesh)?;
         let layers: Vec<Layer<'p>> = self.layers.iter().map(|t| self.layer(t)).collect();
-        let options = self.look.options(session.common.memory);
-        check_beforehand(&source.mesh, &layers, &target.mesh, &options)?;
+        with_what_is_left(session.common, 0, |memory| {
+            check_beforehand(&source.mesh, &layers, &target.mesh, &self.look.options(memory))
+        })?;
         let method = self.method;
         let map: Box<dyn PointMap + Send> = if IdentityMap::fits(&source.mesh, &target.mesh, self.anchors) {
             session.warn("source and target are the same surface with the same anchors: every point stays where it is");
@@ -302,9 +305,11 @@ impl<'p> Job<'_, 'p> {
         let mut result: Option<TransferOutput> = None;
         for part in &parts {
             let (material, region) = (part.material, part.region());
-            let options = TransferOptions { material, region, ..options.clone() };
             let (from, to, progress) = (&source.mesh, &target.mesh, session.progress());
-            let mut output = transfer_with(self.pyramids, from, &layers, to, map.as_ref(), &options, progress)?;
+            let mut output = with_what_is_left(session.common, 0, |memory| {
+                let options = TransferOptions { material, region, ..self.look.options(memory) };
+                transfer_with(self.pyramids, from, &layers, to, map.as_ref(), &options, progress)
+            })?;
             session.watch.lap("transfer");
             for (k, (image, role)) in output.layers.iter().zip(&roles).enumerate() {
                 if let Some(path) = names.layer(k, role, part, to) {
@@ -437,7 +442,7 @@ impl<'p> Job<'_, 'p> {
 
 /// What the result is worth. A pair of shapes that differ leaves some parts doubtful, which is worth
 /// a look; where half of the target shows nothing that can be trusted, nobody would use it.
-fn verdict(result: &TransferOutput, report: &serde_json::Value) -> Verdict {
+pub(crate) fn verdict(result: &TransferOutput, report: &serde_json::Value) -> Verdict {
     let s = &result.stats;
     let mut verdict = Verdict::default();
     verdict.share(1.0 - s.valid_fraction, 0.05, 0.5, "of the covered area cannot be trusted (--coverage shows where)");

@@ -5,8 +5,8 @@ use std::path::Path;
 use glam::DVec2;
 use serde_json::json;
 
-use super::{Arguments, options};
-use crate::cli::common::{Session, usage};
+use super::{Arguments, bytes, options};
+use crate::cli::common::{Session, usage, with_what_is_left};
 use crate::control;
 use crate::io::cage::{CageUnits, read_cage};
 use crate::io::finite;
@@ -191,7 +191,10 @@ pub(super) fn projective(session: &mut Session<'_>, arguments: &Arguments, pictu
     let mut options = options(session, arguments, &image, file.units.unwrap_or(CageUnits::Pixel))?;
     options.jacobian = arguments.heatmap.is_some();
     session.watch.lap("read");
-    let warped = warp_projective(&image, [source, target], &options, session.progress())?;
+    let warped = with_what_is_left(session.common, bytes(&image), |memory| {
+        options.memory = memory;
+        warp_projective(&image, [source, target], &options, session.progress())
+    })?;
     let loops = [target.map(|p| options.target.to_pixels(p)).to_vec()];
     let result = arguments.look.feathered(session, &image, warped.image, &loops, &options)?;
     session.watch.lap("warp");

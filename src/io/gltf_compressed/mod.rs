@@ -55,4 +55,4 @@ fn entry<'v>(json: &'v mut Value, list: &str, k: usize) -> Option<&'v mut Value>
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -12,7 +12,7 @@ use crate::io::gltf_samples::check_valid;
 /// A bent sheet with a rig, vertex colours and a morph target: as it is, by gltfpack 1.3 (`-cc`,
 /// `-cc -vpf -vtf`, `-cz -ce khr -vnf`), and by the encoder of Draco 1.5.7.
 const PLAIN: &[u8] = include_bytes!("samples/plain.glb");
-const COMPRESSED: [(&str, &[u8]); 4] = [
+pub(in crate::io) const COMPRESSED: [(&str, &[u8]); 4] = [
     ("EXT_meshopt_compression", include_bytes!("samples/meshopt.glb")),
     ("EXT_meshopt_compression", include_bytes!("samples/meshopt_floats.glb")),
     ("KHR_meshopt_compression", include_bytes!("samples/meshopt_khr.glb")),

@@ -10,9 +10,9 @@ use exr::math::Vec2;
 use exr::meta::attribute::SampleType;
 use exr::meta::header::Header;
 
-use super::Decoded;
 use super::exr_channels::{self, Channel, Form};
 use super::metadata::Metadata;
+use super::{Decoded, Refused};
 use crate::picture::{Image, Pixels};
 
 /// The largest whole number that a float holds with all below.
@@ -20,7 +20,7 @@ const EXACT: u32 = 1 << 24;
 
 /// Decodes the layer or channel of this name, or what the file shows, from a file that may take
 /// `most` bytes; errors are sentences.
-pub(super) fn read(bytes: &[u8], wanted: Option<&str>, name: &str, most: u64) -> Result<Decoded, String> {
+pub(super) fn read(bytes: &[u8], wanted: Option<&str>, name: &str, most: u64) -> Result<Decoded, Refused> {
     let failed = |e: exr::error::Error| format!("the picture cannot be read: {e}");
     let reader = exr::block::read(Cursor::new(bytes), false).map_err(failed)?;
     let headers = reader.headers().to_vec();
@@ -31,14 +31,17 @@ pub(super) fn read(bytes: &[u8], wanted: Option<&str>, name: &str, most: u64) ->
     let [width, height] = [window.size.width(), window.size.height()];
     let count = chosen.channels.len() as u64;
     let area = (width as u64).saturating_mul(height as u64).max(header.layer_size.area() as u64);
-    if area.saturating_mul(4 * count.max(3)) > most {
-        return Err(super::too_large(width as u64, height as u64, bytes.len()));
+    let needed = area.saturating_mul(4 * count.max(3));
+    if needed > most {
+        return Err(super::too_large(width as u64, height as u64, bytes.len()).into());
     }
+    super::require(width as u64, height as u64, needed)?;
     if let Some(c) = header.channels.list.iter().find(|c| c.sampling != Vec2(1, 1)) {
         return Err(format!(
             "channel {} has fewer samples than pixels (chroma subsampling), which is not read; save the picture as RGB",
             c.name
-        ));
+        )
+        .into());
     }
     let mut notes = chosen.notes;
     let mut planes = Planes::new(header, &chosen.channels, [width, height]);

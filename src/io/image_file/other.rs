@@ -14,11 +14,11 @@ use image::{
 
 use super::format::Format;
 use super::metadata::{Metadata, upright_xmp};
-use super::{Decoded, LARGEST, cmyk, exif, jpeg, png, too_large};
+use super::{Decoded, LARGEST, Refused, cmyk, exif, jpeg, png, too_large};
 use crate::picture::{Image, Pixels};
 
 /// Decodes a file of this format that may take `most` bytes; errors are sentences.
-pub(super) fn read(bytes: &[u8], format: ImageFormat, most: u64) -> Result<Decoded, String> {
+pub(super) fn read(bytes: &[u8], format: ImageFormat, most: u64) -> Result<Decoded, Refused> {
     let failed = |e: image::ImageError| format!("the picture cannot be read: {e}");
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
     let mut limits = Limits::default();
@@ -27,11 +27,13 @@ pub(super) fn read(bytes: &[u8], format: ImageFormat, most: u64) -> Result<Decod
     let mut decoder = reader.into_decoder().map_err(failed)?;
     let (width, height) = decoder.dimensions();
     // Four inks take more than the three colours they become.
-    if decoder.total_bytes().max(u64::from(width) * u64::from(height) * 3) > most {
-        return Err(too_large(width.into(), height.into(), bytes.len()));
+    let needed = decoder.total_bytes().max(u64::from(width) * u64::from(height) * 3);
+    if needed > most {
+        return Err(too_large(width.into(), height.into(), bytes.len()).into());
     }
+    super::require(width.into(), height.into(), needed)?;
     if width == 0 || height == 0 {
-        return Err(format!("the picture has no pixels ({width} x {height})"));
+        return Err(format!("the picture has no pixels ({width} x {height})").into());
     }
     let (mut metadata, mut notes, mut inks) = (Metadata::default(), Vec::new(), false);
     match format {

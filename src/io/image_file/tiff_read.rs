@@ -5,11 +5,11 @@ use std::io::Cursor;
 
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 
-use super::Decoded;
 use super::cmyk;
 use super::exif::density_of;
 use super::ifd::{Block, Directory, Fields};
 use super::metadata::{Metadata, Part, upright_xmp};
+use super::{Decoded, Refused};
 use crate::picture::{Image, Pixels};
 
 const BITS: u16 = 258;
@@ -69,7 +69,7 @@ impl Meaning {
 }
 
 /// Decodes a TIFF file that may take `most` bytes; errors are sentences.
-pub(super) fn read(bytes: &[u8], most: u64) -> Result<Decoded, String> {
+pub(super) fn read(bytes: &[u8], most: u64) -> Result<Decoded, Refused> {
     let damaged = || "the picture cannot be read: the TIFF file is damaged".to_owned();
     let (block, first) = Block::open(bytes).ok_or_else(damaged)?;
     let fields = block.directory(first).ok_or_else(damaged)?;
@@ -81,8 +81,9 @@ pub(super) fn read(bytes: &[u8], most: u64) -> Result<Decoded, String> {
     let bits = block.first(&fields, BITS).unwrap_or(1);
     let needed = width.saturating_mul(height).saturating_mul(samples).saturating_mul(bits.div_ceil(8).max(1));
     if needed > most {
-        return Err(super::too_large(width, height, bytes.len()));
+        return Err(super::too_large(width, height, bytes.len()).into());
     }
+    super::require(width, height, needed)?;
     let mut notes = Vec::new();
     let raw = unpack(bytes, &block, &fields, needed)?;
     let mut metadata = metadata(&block, first, &fields);

@@ -21,6 +21,8 @@ pub(super) struct TextureStatement {
     pub(super) bump: f32,
     /// Options that change what is seen and are not followed.
     pub(super) passed_over: Vec<&'static str>,
+    /// Options that are not followed, as they are written, each with a blank before it.
+    pub(super) kept: Vec<u8>,
 }
 
 impl TextureStatement {
@@ -35,6 +37,7 @@ impl TextureStatement {
             clamp: false,
             bump: 1.0,
             passed_over: Vec::new(),
+            kept: Vec::new(),
         };
         let rest = statement.options(rest, true);
         statement.name_from_end = rest.len();
@@ -98,6 +101,12 @@ impl TextureStatement {
         let pair = |default: f64| {
             DVec2::new(numbers.first().copied().unwrap_or(default), numbers.get(1).copied().unwrap_or(default))
         };
+        if !matches!(option, b"-s" | b"-o" | b"-clamp" | b"-bm") {
+            for word in std::iter::once(&option).chain(words) {
+                self.kept.push(b' ');
+                self.kept.extend_from_slice(word);
+            }
+        }
         let on = words.first().is_some_and(|w| w.eq_ignore_ascii_case(b"on"));
         match option {
             b"-s" => self.scale = pair(1.0),
@@ -181,6 +190,11 @@ mod tests {
         assert_eq!(s.placement(), Placement { wrap: [Wrap::Clamp; 2], ..placed([2.0, 3.0], [0.5, 0.0]) });
         assert_eq!(s.bump, 0.25);
         assert_eq!(read("-clamp off -s -2 a.png", &[]).1.placement(), placed([-2.0, 1.0], [0.0, 0.0]));
+        // What is not followed is kept, word by word; what is followed is not kept twice.
+        let kept = |line: &str| String::from_utf8(read(line, &[]).1.kept).unwrap();
+        assert_eq!(kept("-blendu off -s 2 -mm 0.1 0.9 a.png -imfchan r -bm 2"), " -blendu off -mm 0.1 0.9 -imfchan r");
+        assert_eq!(kept("-t 0 0 0 -s 1 1 1 a.png"), " -t 0 0 0");
+        assert_eq!(kept("-odd a.png"), "");
         assert_eq!(read("-clamp on -s 2 2 t.png", &[]).1.placement().wrap, [Wrap::Clamp; 2]);
         assert_eq!(read("-t 0 0 0 -mm 0 1 a.png", &[]).1.passed_over, [""; 0]);
         assert_eq!(read("-t 1 -mm 0.5 2 -imfchan r a.png", &[]).1.passed_over.len(), 3);

@@ -304,4 +304,4 @@ mod dialect_tests;
 #[cfg(test)]
 mod fuzz;
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -13,7 +13,7 @@ fn close(a: DVec3, b: [f64; 3]) -> bool {
 
 /// A file of `kind` (84, 85, 86) with four points over three frames at 50 Hz: M1 moves, M2 has a
 /// gap in frame 1, the third is an angle, the fourth has no label. Two analog values a frame.
-pub(super) fn c3d(kind: u8, integers: bool) -> Vec<u8> {
+pub(in crate::io) fn c3d(kind: u8, integers: bool) -> Vec<u8> {
     let word = |x: u16| if kind == 86 { x.to_be_bytes() } else { x.to_le_bytes() };
     let float = |x: f32| -> [u8; 4] {
         match kind {
@@ -137,7 +137,7 @@ fn long_c3d_clips_count_frames_in_their_parameters() {
     assert_eq!(motion.frames.len(), 3);
 }
 
-pub(super) const TRC: &str = "PathFileType\t4\t(X/Y/Z)\ta.trc\n\
+pub(in crate::io) const TRC: &str = "PathFileType\t4\t(X/Y/Z)\ta.trc\n\
     DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\n100.00\t100.00\t3\t2\tm\t100\n\
     Frame#\tTime\tLKNE\t\t\tRKNE\t\t\n\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n\n\
     1\t0.00\t1\t2\t3\t4\t5\t6\n2\t0.01\t\t\t\t4.5\t5\t6\n3\t0.02\t1\t2\t3.5\n";
@@ -195,7 +195,7 @@ fn csv_is_read_wide_and_long() {
 }
 
 /// An arm along x: an elbow at distance 2, a hand 1 further.
-pub(super) const BVH: &str = "HIERARCHY\nROOT Upper Arm\n{\n OFFSET 0 0 5\n CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n JOINT Elbow\n {\n  OFFSET 2 0 0\n  \
+pub(in crate::io) const BVH: &str = "HIERARCHY\nROOT Upper Arm\n{\n OFFSET 0 0 5\n CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n JOINT Elbow\n {\n  OFFSET 2 0 0\n  \
     CHANNELS 3 Zrotation Xrotation Yrotation\n  End Site\n  {\n   OFFSET 1 0 0\n  }\n }\n}\nMOTION\nFrames: 3\nFrame Time: 0.04\n\
     0 0 0 0 0 0 0 0 0\n1 2 3 90 0 0 0 0 0\n0 0 0 0 90 0 90 0 45\n";
 
@@ -260,11 +260,11 @@ fn bvh_faults_are_named() {
     assert!(close(motion.frames[2][1].unwrap(), [4.0, 0.0, 5.0]));
 }
 
-pub(super) const ASF: &str = ":version 1.10\n:name test\n:units\n  mass 1.0\n  length 1\n  angle deg\n:root\n order TX TY TZ RX RY RZ\n axis XYZ\n position 0 0 0\n \
+pub(in crate::io) const ASF: &str = ":version 1.10\n:name test\n:units\n  mass 1.0\n  length 1\n  angle deg\n:root\n order TX TY TZ RX RY RZ\n axis XYZ\n position 0 0 0\n \
     orientation 0 0 0\n:bonedata\n begin\n  id 1\n  name lower\n  direction 1 0 0\n  length 1\n  axis 0 0 90 XYZ\n  dof ry\n  limits (-1 1)\n end\n \
     begin\n  id 2\n  name upper # a comment\n  direction 2 0 0\n  length 2\n  axis 0 0 0 XYZ\n  dof rx ry rz\n  limits (-1 1)\n         (-1 1)\n end\n \
     begin\n  id 3\n  name stiff\n  direction 0 1 0\n  length 1\n  axis 0 0 0 XYZ\n end\n:hierarchy\n begin\n  upper lower\n  root upper stiff\n end\n";
-pub(super) const AMC: &str = "# made by hand\n:FULLY-SPECIFIED\n:DEGREES\n1\nroot 0 0 0 0 0 0\nupper 0 0 0\nlower 0\n2\nroot 1 2 3 0 0 90\nupper 90 0 90\nlower 90\n";
+pub(in crate::io) const AMC: &str = "# made by hand\n:FULLY-SPECIFIED\n:DEGREES\n1\nroot 0 0 0 0 0 0\nupper 0 0 0\nlower 0\n2\nroot 1 2 3 0 0 90\nupper 90 0 90\nlower 90\n";
 
 #[test]
 fn acclaim_moves_as_computed_by_hand() {

@@ -166,5 +166,5 @@ pub fn certificate(
         }
         corners.push(corner);
     }
-    Search::new(&domain, corners, options).run(progress)
+    Search::new(&domain, corners, options, progress).run()
 }

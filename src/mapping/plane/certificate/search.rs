@@ -13,8 +13,13 @@ use crate::control;
 use crate::error::Error;
 use crate::progress::Progress;
 
-/// Parts of the progress.
-const PARTS: f64 = 1000.0;
+/// Parts of the progress: of the limits at the vertices, and of the proof.
+const LIMITS: u64 = 50;
+const PARTS: u64 = 950;
+/// Boxes times vertices between two looks at the control and reports of progress, about 0.2 s of
+/// one thread; and boxes at least, so that all threads have some.
+const SLICE: usize = 1 << 17;
+const LEAST: usize = 64;
 
 /// What became of a cell.
 #[derive(Clone, Copy, Debug)]
@@ -31,15 +36,13 @@ enum Outcome {
 struct Round {
     proved: Vec<Cell>,
     open: Vec<Cell>,
-    /// Share of the cells that are dropped or proved.
-    settled: f64,
 }
 
 /// The search over one step.
-#[derive(Debug)]
 pub(super) struct Search<'a> {
     domain: &'a Domain,
     options: &'a CertifyOptions,
+    progress: &'a dyn Progress,
     corners: Vec<Corner>,
     /// The smallest upper bound of the Jacobian at a point of the polygon.
     sampled: f64,
@@ -47,6 +50,8 @@ pub(super) struct Search<'a> {
     boxes: u64,
     /// Share of the polygon that is proved.
     done: f64,
+    /// Parts of the proof that were reported.
+    told: u64,
 }
 
 /// How a search ends before it has proved its cells.
@@ -63,13 +68,18 @@ impl From<Verdict> for End {
 
 impl<'a> Search<'a> {
     /// The search over a domain with these corners.
-    pub(super) fn new(domain: &'a Domain, corners: Vec<Corner>, options: &'a CertifyOptions) -> Self {
-        Self { domain, options, corners, sampled: f64::INFINITY, boxes: 0, done: 0.0 }
+    pub(super) fn new(
+        domain: &'a Domain,
+        corners: Vec<Corner>,
+        options: &'a CertifyOptions,
+        progress: &'a dyn Progress,
+    ) -> Self {
+        Self { domain, options, progress, corners, sampled: f64::INFINITY, boxes: 0, done: 0.0, told: 0 }
     }
 
-    pub(super) fn run(mut self, progress: &dyn Progress) -> crate::Result<Certificate> {
-        progress.stage("certificate", PARTS as u64);
-        let verdict = self.vertices().and_then(|()| self.prove(progress)).and_then(|proved| self.sharpen(proved));
+    pub(super) fn run(mut self) -> crate::Result<Certificate> {
+        self.progress.stage("certificate", LIMITS + PARTS);
+        let verdict = self.vertices().and_then(|()| self.prove()).and_then(|proved| self.sharpen(proved));
         let verdict = match verdict {
             Ok(bound) => Verdict::Certified { lower_bound: bound * self.domain.jacobian_unit },
             Err(End::Verdict(verdict)) => verdict,
@@ -79,7 +89,7 @@ impl<'a> Search<'a> {
     }
 
     /// Cuts the roots until all cells are proved positive.
-    fn prove(&mut self, progress: &dyn Progress) -> Result<Vec<Cell>, End> {
+    fn prove(&mut self) -> Result<Vec<Cell>, End> {
         let (mut open, mut proved) = (self.roots(), Vec::new());
         while !open.is_empty() {
             let room = self.options.boxes.saturating_sub(self.boxes);
@@ -89,9 +99,6 @@ impl<'a> Search<'a> {
             let later = open.split_off(open.len().min(usize::try_from(room).unwrap_or(usize::MAX)));
             let mut round = self.round(&open)?;
             proved.append(&mut round.proved);
-            let before = (self.done * PARTS) as u64;
-            self.done = (self.done + round.settled).min(1.0);
-            progress.advance((self.done * PARTS) as u64 - before);
             open.clear();
             for cell in round.open {
                 match cell.halves() {
@@ -101,8 +108,21 @@ impl<'a> Search<'a> {
             }
             open.extend(later);
         }
-        progress.advance(PARTS as u64 - (self.done * PARTS) as u64);
+        self.settle(1.0);
         Ok(proved)
+    }
+
+    /// Reports that `share` more of the polygon is settled.
+    fn settle(&mut self, share: f64) {
+        self.done = (self.done + share).min(1.0);
+        let parts = (self.done * PARTS as f64) as u64;
+        self.progress.advance(parts - self.told);
+        self.told = parts;
+    }
+
+    /// How many boxes are examined between two reports.
+    fn slice(&self) -> usize {
+        (SLICE / self.domain.len()).max(LEAST)
     }
 
     /// Cuts cells whose bound is far below the sampled minimum, the lowest first, as long as that
@@ -127,41 +147,48 @@ impl<'a> Search<'a> {
     /// Examines cells, in parallel, and takes the outcomes in order. A cell proved already stays
     /// so.
     fn round(&mut self, cells: &[Cell]) -> Result<Round, End> {
-        let here = control::current();
-        let examine = |work: &mut Workspace, cell: &Cell| here.check().map(|()| self.examine(cell, work));
-        let outcomes: crate::Result<Vec<Outcome>> = cells.par_iter().map_init(Workspace::default, examine).collect();
-        let outcomes = outcomes.map_err(|_| End::Cancelled)?;
         let mut round = Round::default();
-        for (cell, outcome) in cells.iter().zip(outcomes) {
-            let mut cell = Cell { cut: cell.wider_parameter(), ..*cell };
-            match outcome {
-                Outcome::Dropped => {
-                    round.settled += cell.weight;
-                    continue;
-                }
-                Outcome::Cut => {}
-                Outcome::Bounded(bounds, inside) => {
-                    self.boxes += 1;
-                    if inside && bounds.centre.hi < 0.0 {
-                        return Err(self.fold(&cell, bounds.centre).into());
-                    }
-                    if inside && bounds.centre.is_known() {
-                        self.sampled = self.sampled.min(bounds.centre.hi);
-                    }
-                    if bounds.range.is_known() {
-                        cell.proved = cell.proved.max(bounds.range.lo);
-                        cell.cut = bounds.cut;
-                    }
-                }
+        for cells in cells.chunks(self.slice()) {
+            let here = control::current();
+            let examine = |work: &mut Workspace, cell: &Cell| here.check().map(|()| self.examine(cell, work));
+            let outcomes: crate::Result<Vec<Outcome>> =
+                cells.par_iter().map_init(Workspace::default, examine).collect();
+            let outcomes = outcomes.map_err(|_| End::Cancelled)?;
+            let mut settled = 0.0;
+            for (cell, outcome) in cells.iter().zip(outcomes) {
+                settled += self.take(cell, outcome, &mut round)?;
             }
-            if cell.proved > 0.0 {
-                round.settled += cell.weight;
-                round.proved.push(cell);
-            } else {
-                round.open.push(cell);
-            }
+            self.settle(settled);
         }
         Ok(round)
+    }
+
+    /// Sorts a cell by its outcome; returns the share of the polygon that it settles.
+    fn take(&mut self, cell: &Cell, outcome: Outcome, round: &mut Round) -> Result<f64, End> {
+        let mut cell = Cell { cut: cell.wider_parameter(), ..*cell };
+        match outcome {
+            Outcome::Dropped => return Ok(cell.weight),
+            Outcome::Cut => {}
+            Outcome::Bounded(bounds, inside) => {
+                self.boxes += 1;
+                if inside && bounds.centre.hi < 0.0 {
+                    return Err(self.fold(&cell, bounds.centre).into());
+                }
+                if inside && bounds.centre.is_known() {
+                    self.sampled = self.sampled.min(bounds.centre.hi);
+                }
+                if bounds.range.is_known() {
+                    cell.proved = cell.proved.max(bounds.range.lo);
+                    cell.cut = bounds.cut;
+                }
+            }
+        }
+        if cell.proved > 0.0 {
+            round.proved.push(cell);
+            return Ok(cell.weight);
+        }
+        round.open.push(cell);
+        Ok(0.0)
     }
 
     /// The fans of all corners, and the bounding box of the polygon.
@@ -196,8 +223,15 @@ impl<'a> Search<'a> {
     /// themselves are enclosures at points of the polygon.
     fn vertices(&mut self) -> Result<(), End> {
         let fans: Vec<Fan> = self.corners.iter().flat_map(|c| c.fans.iter().copied()).collect();
-        let samples: Vec<Vec<(f64, Interval)>> =
-            fans.par_iter().map_init(Workspace::default, |work, fan| self.limits(fan, work)).collect();
+        let mut samples: Vec<Vec<(f64, Interval)>> = Vec::with_capacity(fans.len());
+        for part in fans.chunks(self.slice()) {
+            let here = control::current();
+            let limits = |work: &mut Workspace, fan: &Fan| here.check().map(|()| self.limits(fan, work));
+            let found: crate::Result<Vec<_>> = part.par_iter().map_init(Workspace::default, limits).collect();
+            let before = LIMITS * samples.len() as u64 / fans.len() as u64;
+            samples.extend(found.map_err(|_| End::Cancelled)?);
+            self.progress.advance(LIMITS * samples.len() as u64 / fans.len() as u64 - before);
+        }
         for (fan, samples) in fans.iter().zip(samples) {
             for (mu, value) in samples {
                 let cell = Cell::new(Chart::Fan(*fan), [Interval::ZERO, Interval::point(mu)], 0.0);
