@@ -88,6 +88,22 @@ fn contradictory_pairs_are_named_flagged_and_left_out() {
 }
 
 #[test]
+fn pairs_none_of_which_can_be_trusted_are_written_by_force_only() {
+    // Left and right of a figure may be exchanged, and nobody says which is which.
+    let f = characters(8, None);
+    let command = "anchors s.obj t.obj --landmarks 400 -o o.json";
+    let before = f.names();
+    let ran = f.run(command);
+    ran.fails(3, &["all ", "are doubtful", "no file is written", "--force"]);
+    assert_eq!(f.names(), before);
+    let ran = f.run(&format!("{command} --force")).succeeds();
+    let pairs = f.json("o.json")["pairs"].clone();
+    let pairs = pairs.as_array().unwrap();
+    assert!(!pairs.is_empty() && pairs.iter().all(|p| p["flagged"].is_string()), "{pairs:?}");
+    assert!(ran.stdout.contains("not usable, because 100.0 % of the pairs are doubtful"), "{}", ran.stdout);
+}
+
+#[test]
 fn what_cannot_be_done_is_said() {
     let f = Folder::spheres();
     let before = f.names();

@@ -218,6 +218,11 @@ fn clips_and_bindings_that_cannot_be_used_are_told() {
     f.write("t.amc", ":FULLY-SPECIFIED\n1\nroot 0 0 0\n");
     assert_eq!(f.run("animate body.obj --motion t.amc -o out.glb").code, Some(1));
     assert_eq!(f.run("animate body.obj --motion walk.csv --stiffness -1 -o out.glb").code, Some(2));
+    for tolerance in ["nan", "inf", "-1"] {
+        let ran =
+            f.run(&format!("animate body.obj --motion walk.csv --markers m.json --tolerance={tolerance} -o out.glb"));
+        ran.fails(2, &["--tolerance"]);
+    }
     assert!(!f.path("out.glb").exists());
 }
 

@@ -10,6 +10,17 @@ const TRANSFER: &str =
     "transfer --backend cpu --source s.obj --target t.obj --texture s.png --anchors a.json --size 128";
 
 #[test]
+fn names_in_a_model_are_the_targets() {
+    let f = Folder::spheres();
+    f.run("transfer --source s.obj --target t.obj --texture s.png --anchors a.json --backend cpu --size 32 --method rbf --model m.glb")
+        .succeeds();
+    let (document, _, _) = ::gltf::import(f.path("m.glb")).unwrap();
+    let nodes: Vec<_> = document.nodes().map(|n| n.name().unwrap_or_default().to_owned()).collect();
+    let meshes: Vec<_> = document.meshes().map(|m| m.name().unwrap_or_default().to_owned()).collect();
+    assert_eq!((nodes, meshes), (vec!["t".to_owned()], vec!["t".to_owned()]));
+}
+
+#[test]
 fn the_texture_arrives_with_coverage_model_and_report() {
     let f = Folder::spheres();
     let ran = f.run(&format!("{TRANSFER} -o o.png --coverage c.png --model m.glb --report r.json")).succeeds();

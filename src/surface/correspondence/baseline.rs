@@ -203,7 +203,7 @@ impl Similarity {
 /// rounding.
 fn radial(from: &[DVec3], to: &[DVec3]) -> Result<Warp> {
     control::require(dense_bytes(from.len() as u64 + 4, 2), || {
-        format!("the radial basis functions of {} pairs", from.len())
+        format!("the system of radial basis functions of {} pairs", from.len())
     })?;
     let origin = mean(from);
     let extent = spread(from, origin);

@@ -3,6 +3,7 @@
 use glam::DVec2;
 use rayon::prelude::*;
 
+use crate::control;
 use crate::error::{Error, Result};
 use crate::picture::{Image, Pixels};
 use crate::tools::transfer::color::Sample;
@@ -25,6 +26,8 @@ pub(super) fn framed(picture: &Image) -> Result<(Image, DVec2)> {
     let (Some(width), Some(height)) = (size(w), size(h)) else {
         return Err(Error::input(format!("the decal has {w} x {h} texels"), "Use a smaller picture"));
     };
+    let bytes = 4 * u64::from(width) * u64::from(height) * picture.depth().bytes() as u64;
+    control::require(bytes, || format!("a border around the decal of {w} x {h} texels"))?;
     let mut out = Image::zeros(width, height, 4, picture.depth())?;
     let channels = picture.channels as usize;
     let place = |x: u32, y: u32| {
