@@ -126,3 +126,36 @@ fn very_many_pairs_are_refused_under_the_default_limit() {
         assert!(fault.is_none() && ran.code == Some(1), "{command}: {:?} {fault:?} {}", ran.code, ran.stderr);
     }
 }
+
+/// The chunks of a PNG file with this name, joined.
+fn chunks(png: &[u8], name: &[u8; 4]) -> Vec<u8> {
+    let (mut found, mut at) = (Vec::new(), 8);
+    while at < png.len() {
+        let length = u32::from_be_bytes(png[at..at + 4].try_into().unwrap()) as usize;
+        if png[at + 4..at + 8] == *name {
+            found.extend_from_slice(&png[at + 8..at + 8 + length]);
+        }
+        at += 12 + length;
+    }
+    found
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_profile_that_unpacks_to_very_much_is_passed_over() {
+    let f = Folder::spheres();
+    // The packed pixels of a black picture are a profile of 256 MB.
+    write_image(&Image::zeros(16_000, 16_000, 1, barymap::picture::Depth::U8).unwrap(), f.path("black.png")).unwrap();
+    let packed = chunks(&f.bytes("black.png"), b"IDAT");
+    let mut chunk = [b"iCCPbomb\0\0", packed.as_slice()].concat();
+    let (length, checksum) = ((chunk.len() - 4) as u32, crc32fast::hash(&chunk));
+    chunk.splice(0..0, length.to_be_bytes());
+    chunk.extend_from_slice(&checksum.to_be_bytes());
+    let mut png = f.bytes("s.png");
+    png.splice(33..33, chunk);
+    std::fs::write(f.path("bomb.png"), png).unwrap();
+    f.write("cage.json", r#"{"source": [[0, 0], [9, 0], [9, 9]], "target": [[0, 0], [8, 0], [9, 9]]}"#);
+    let ran = f.run("warp bomb.png --cage cage.json -o o.png --backend cpu --memory 250M").succeeds();
+    assert!(ran.stderr.contains("its colour profile is damaged, or far too large"), "{}", ran.stderr);
+    assert!(ran.peak_memory.is_some_and(|peak| peak < 150 * MIB), "{:?}", ran.peak_memory);
+}
