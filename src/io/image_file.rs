@@ -159,6 +159,7 @@ fn decode_within(bytes: &[u8], name: &Path, layer: Option<&str>, most: u64) -> R
 }
 
 /// Why a picture is not read.
+#[derive(Debug)]
 enum Refused {
     /// In a sentence.
     Why(String),

@@ -221,8 +221,7 @@ pub(crate) fn require_texcoords(surface: &Surface) -> Result<()> {
     if surface.mesh.has_texcoords() {
         return Ok(());
     }
-    let remedy =
-        "A source needs those of its texture; a target can be given some with --unwrap, any mesh with `barymap unwrap`";
+    let remedy = "A source needs those of its texture; a target is given some by --unwrap --model OUT.glb, any mesh by `barymap unwrap`";
     Err(Error::mesh(&surface.mesh.name, "it has no texture coordinates", remedy))
 }
 

@@ -3,6 +3,15 @@
 use super::*;
 use crate::picture::Depth;
 
+/// The sentence on why a picture was not read.
+pub(in crate::io::image_file) fn why(read: std::result::Result<Decoded, Refused>) -> String {
+    match read {
+        Err(Refused::Why(what)) => what,
+        Err(Refused::Memory { picture, .. }) => picture,
+        Ok(_) => panic!("it was read"),
+    }
+}
+
 fn pattern(channels: u32, depth: Depth) -> Image {
     let mut image = Image::zeros(7, 5, channels, depth).unwrap();
     for k in 0..7 * 5 * channels {

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::io::image_file::ifd::Directory;
+use crate::io::image_file::tests::why;
 
 /// A file with one strip of these bytes.
 struct Kind {
@@ -114,7 +115,7 @@ fn palettes() {
     let file = Kind::new([2, 1], &[4], 3).with(320, &four).file(&[&[0x5f]]);
     assert_eq!(pixels(&file), (3, Pixels::U8(vec![5, 5, 5, 15, 15, 15])));
     let short = Kind::new([1, 1], &[8], 3).with(320, &fine).file(&[&[9]]);
-    assert!(read(&short, 1 << 20).err().unwrap().contains("beyond the 2 of its palette"));
+    assert!(why(read(&short, 1 << 20)).contains("beyond the 2 of its palette"));
 }
 
 #[test]
@@ -175,7 +176,7 @@ fn big_tiff() {
 
 #[test]
 fn what_is_not_read_is_said_in_words() {
-    let message = |kind: Kind| read(&kind.file(&[&[0; 64]]), 1 << 20).err().unwrap();
+    let message = |kind: Kind| why(read(&kind.file(&[&[0; 64]]), 1 << 20));
     let grey = |bits: u16| Kind::new([1, 1], &[bits], 1);
     for (kind, word) in [
         (grey(8).with(259, &[34925]), "LZMA"),
