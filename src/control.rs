@@ -167,6 +167,7 @@ fn budget() -> Option<(u64, u64)> {
 }
 
 /// The bytes that a piece of work may take; no limit without one.
+#[cfg_attr(not(feature = "cli"), expect(dead_code, reason = "for the command line"))]
 pub(crate) fn left() -> u64 {
     budget().map_or(u64::MAX, |(allowed, used)| allowed.saturating_sub(used))
 }

@@ -7,13 +7,13 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde_json::{Value, json};
 
 use crate::cli::common::{Session, usage};
+use crate::cli::repeated::Repeated;
 use crate::engine::Engine;
 use crate::io::cage::CageUnits;
 use crate::mapping::plane::{
     Cage, CertifyOptions, CompositeMap, Coordinates, Partition, PartitionKind, PartitionOptions, PathKind,
     SampleOptions, Verdict, certify, partition,
 };
-use crate::progress::Repeated;
 use crate::{Error, Result};
 
 /// How a cage becomes a map.

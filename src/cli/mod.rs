@@ -29,6 +29,7 @@ mod plan;
 mod progress_bar;
 mod remesh;
 mod render;
+mod repeated;
 mod rig;
 mod shard;
 mod shell;

@@ -88,7 +88,7 @@ pub(super) fn match_tips(couple: &Couple<'_>) -> Result<Seedless> {
                     shape.mesh.name,
                     tips.tips.len()
                 ),
-                "Give a few pairs with --anchors, better eight",
+                "Give a few pairs with --anchors, better eight: vertex numbers or positions, as any 3D program shows them",
             ));
         }
     }
@@ -107,7 +107,7 @@ pub(super) fn match_tips(couple: &Couple<'_>) -> Result<Seedless> {
     let Some((off, near, pairs, chosen)) = tried.first().cloned() else {
         return Err(Error::unusable(
             "no assignment of the limbs of one surface to those of the other keeps the distances between them",
-            "Give a few pairs with --anchors, better eight",
+            "Give a few pairs with --anchors, better eight: vertex numbers or positions, as any 3D program shows them",
         ));
     };
     let rivals: Vec<_> = tried[1..].iter().filter(|t| t.0 <= off * (1.0 + ALIKE)).collect();
