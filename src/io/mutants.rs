@@ -177,7 +177,6 @@ fn lists() -> Vec<Family> {
     vec![
         family("pairs.json", pairs, |p| anchors::read_pairs(p.to_str().unwrap()).is_ok()),
         family("pairs.txt", "1 2\n3 4 # x\n5 6\n", |p| anchors::read_pairs(p.to_str().unwrap()).is_ok()),
-        family("pairs.csv", "source,target\n1,2\n3,4\n", |p| anchors::read_pairs(p.to_str().unwrap()).is_ok()),
         family("places.json", r#"{"anchors": [1, {"vertex": 2}, {"position": [1, 2, 3], "name": "nose"}]}"#, |p| {
             anchors::read_single(p).is_ok() | anchors::read_places(p).is_ok()
         }),
@@ -213,10 +212,10 @@ fn lists() -> Vec<Family> {
         }),
         family(
             "list.json",
-            r#"[{"name": "a", "mesh": "a.obj", "anchors": "a.json"}, {"mesh": "b.obj", "anchors": ["x", "y"]}]"#,
+            r#"[{"name": "a", "target": "a.obj", "anchors": "a.json"}, {"target": "b.obj", "anchors": ["x", "y"]}]"#,
             |p| target_list::read_targets(p, None).is_ok(),
         ),
-        family("list.csv", "name,mesh,anchors\na,a.obj,a.json\nb,\"b, c.obj\",b.json\n", |p| {
+        family("list.csv", "name,target,anchors\na,a.obj,a.json\nb,\"b, c.obj\",b.json\n", |p| {
             target_list::read_targets(p, None).is_ok()
         }),
     ]
