@@ -11,8 +11,9 @@ const MIB: u64 = 1 << 20;
 /// Limits as they are given, and in MiB.
 const LIMITS: [(&str, u64); 4] = [("250M", 250), ("500M", 500), ("1G", 1024), ("4G", 4096)];
 
-/// What is wrong with a run under a limit of so many MiB: nothing where the process took at most 1.1
-/// times the limit and what the program takes itself, and ended well or was refused with the number.
+/// What is wrong with a run under a limit of so many MiB: nothing where the process took at most
+/// 1.1 times the limit and what the program takes itself, and ended well or was refused with the
+/// number.
 fn fault(ran: &Ran, limit: u64, on_device: bool) -> Option<String> {
     let program = if on_device { 400 } else { 100 };
     let bound = limit * MIB * 11 / 10 + program * MIB;

@@ -216,9 +216,10 @@ impl Embedding {
     }
 }
 
-/// Bytes that an embedding takes while it is made: those of the factor of the least-squares mesh, or
-/// of the matrices of distances between landmarks, which come one after the other. Measured on
-/// meshes of 8,000 to 300,000 vertices: 3,900 to 4,500 bytes a vertex, 45 to 54 a pair of landmarks.
+/// Bytes that an embedding takes while it is made: those of the factor of the least-squares mesh,
+/// or of the matrices of distances between landmarks, which come one after the other. Measured on
+/// meshes of 8,000 to 300,000 vertices: 3,900 to 4,500 bytes a vertex, 45 to 54 a pair of
+/// landmarks.
 fn bytes(vertices: usize, landmarks: usize) -> u64 {
     const VERTEX: u64 = 4200;
     const PAIR: u64 = 48;
