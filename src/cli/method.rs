@@ -4,6 +4,7 @@ use crate::Result;
 use crate::cli::common::{EmbeddingArguments, Session, Surface};
 use crate::desk::{Choice, correspond};
 use crate::surface::correspondence::Method;
+use crate::surface::field::Contradicted;
 use crate::surface::{AnchorPairs, PointMap};
 
 /// How points are carried.
@@ -20,6 +21,13 @@ pub(crate) struct MethodArguments {
     /// anchors left out say it is better; with `field`, from five anchors on
     #[arg(long)]
     align: bool,
+    /// Use every pair: `field` leaves out pairs that the others contradict, and names them
+    #[arg(long)]
+    keep_all: bool,
+    /// What pairs set by eye are off by, over the square root of the area (0.01, 0.02): `field`
+    /// moves them towards where the others send them
+    #[arg(long, value_name = "PART", default_value_t = 0.0)]
+    anchor_error: f64,
 }
 
 fn yes_or_no(text: &str) -> std::result::Result<bool, String> {
@@ -32,13 +40,19 @@ fn yes_or_no(text: &str) -> std::result::Result<bool, String> {
 
 impl MethodArguments {
     fn choice(self) -> Choice {
-        Choice { method: self.method, relax: self.relax, align: self.align }
+        Choice {
+            method: self.method,
+            relax: self.relax,
+            align: self.align,
+            keep_all: self.keep_all,
+            anchor_error: self.anchor_error,
+        }
     }
 
     /// The method for a source that is no surface.
     pub(crate) fn for_points(self) -> Self {
-        let Choice { method, relax, align } = self.choice().for_points();
-        Self { method, relax, align }
+        let Choice { method, relax, align, keep_all, anchor_error } = self.choice().for_points();
+        Self { method, relax, align, keep_all, anchor_error }
     }
 
     /// The name in reports and messages.
@@ -72,7 +86,23 @@ pub(crate) fn prepare(
         ));
         serde_json::json!(r)
     });
+    if let Some(field) = made.map.field() {
+        let told: Vec<String> = field.contradicted.iter().map(|c| contradiction(c, anchors.len())).collect();
+        session.warn_all(&told);
+    }
     session.field = made.map.field().map(|f| serde_json::json!(f));
     session.watch.lap("correspondence");
     Ok(made.map)
+}
+
+/// The sentence about a pair that was left out.
+fn contradiction(c: &Contradicted, pairs: usize) -> String {
+    let Contradicted { index, off, exchanged_with } = *c;
+    let what = match exchanged_with {
+        Some(other) => format!("it looks exchanged with pair {other}: exchange their points on one side"),
+        None => "correct it, or use it with --keep-all".to_owned(),
+    };
+    format!(
+        "pair {index} of {pairs} is left out: the others send it {off:.2} of the square root of the area away; {what}"
+    )
 }

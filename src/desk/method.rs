@@ -16,7 +16,9 @@ use crate::surface::{AlignmentOptions, AnchorPairs, Embedding, EmbeddingOptions,
 /// | `method` | `Field` | the method |
 /// | `relax` | none | whether images are drawn onto the source; as the method is known where none |
 /// | `align` | no | whether the target is embedded once more, where anchors left out say it is better |
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// | `keep_all` | no | whether pairs that the others contradict are used as well |
+/// | `anchor_error` | 0 | what pairs are off by, over the square root of the source's area |
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Choice {
     /// The method.
     pub method: Method,
@@ -25,6 +27,11 @@ pub struct Choice {
     /// Whether `Field` tries to embed the target once more, from where its landmarks are on the
     /// source.
     pub align: bool,
+    /// Whether `Field` uses pairs that the others contradict as well.
+    pub keep_all: bool,
+    /// What pairs are off by, root mean square, over the square root of the source's area, for
+    /// `Field`: 0 where they are held.
+    pub anchor_error: f64,
 }
 
 /// A map, and how it came about.
@@ -43,6 +50,9 @@ impl std::fmt::Debug for Made {
     }
 }
 
+/// Pairs that are off by more than this are wrong rather than not exact.
+const MOST_ERROR: f64 = 0.2;
+
 impl Choice {
     /// The method for a source that is no surface: radial basis functions where another one is
     /// asked for.
@@ -51,7 +61,7 @@ impl Choice {
         match self.method {
             Closest => self,
             Rbf => Self { relax: Some(false), ..self },
-            _ => Self { method: Rbf, relax: Some(false), align: false },
+            _ => Self { method: Rbf, relax: Some(false), align: false, ..self },
         }
     }
 
@@ -78,7 +88,25 @@ impl Choice {
             let what = format!("the method {} has no use for it", self.method.word());
             return Err(Error::option("align", what, "Use it with the method field"));
         }
-        Ok(CorrespondenceOptions { method: self.method, relax: self.relax, ..CorrespondenceOptions::default() })
+        if !(0.0..=MOST_ERROR).contains(&self.anchor_error) {
+            let what = format!("{} is not in 0..={MOST_ERROR}", self.anchor_error);
+            return Err(Error::option(
+                "anchor-error",
+                what,
+                "Give what pairs are off by over the square root of the area, say 0.01",
+            ));
+        }
+        if self.anchor_error > 0.0 && self.method != Field {
+            let what = format!("the method {} holds its pairs", self.method.word());
+            return Err(Error::option("anchor-error", what, "Use it with the method field"));
+        }
+        Ok(CorrespondenceOptions {
+            method: self.method,
+            relax: self.relax,
+            keep_all: self.keep_all,
+            anchor_error: self.anchor_error,
+            ..CorrespondenceOptions::default()
+        })
     }
 }
 
@@ -123,12 +151,12 @@ mod tests {
     fn options_are_for_methods_that_use_them() {
         let all = [Method::Averages, Method::Transport, Method::Field, Method::Rbf, Method::Closest];
         for method in all {
-            let relaxed = Choice { method, relax: Some(true), align: false }.options();
+            let relaxed = Choice { method, relax: Some(true), align: false, ..Choice::default() }.options();
             let fits = matches!(method, Method::Field | Method::Rbf);
             assert_eq!(relaxed.is_ok(), fits, "{method:?}");
-            let aligned = Choice { method, relax: None, align: true }.options();
+            let aligned = Choice { method, relax: None, align: true, ..Choice::default() }.options();
             assert_eq!(aligned.is_ok(), method == Method::Field, "{method:?}");
-            let cloud = Choice { method, relax: None, align: false }.for_points();
+            let cloud = Choice { method, ..Choice::default() }.for_points();
             assert!(!cloud.method.needs_embedding() && cloud.options().is_ok(), "{method:?}");
         }
     }

@@ -184,6 +184,7 @@ impl Aligner<'_> {
         let options = CorrespondenceOptions {
             method: Method::Field,
             confidence: false,
+            keep_all: true,
             relax: Some(self.options.relax),
             ..CorrespondenceOptions::default()
         };

@@ -26,3 +26,4 @@ mod similar;
 mod similarity;
 mod tobj_oracle;
 mod transfer;
+mod wrong_pairs;

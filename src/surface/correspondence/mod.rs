@@ -100,17 +100,35 @@ pub struct CorrespondenceOptions {
     /// other methods have nothing to relax. `None` is as the method is known: a field is, radial
     /// basis functions are not. Default `None`.
     pub relax: Option<bool>,
+    /// Whether [`Method::Field`] uses pairs that the others contradict as well. Default false: they
+    /// are left out, and [`super::field::FieldReport::contradicted`] names them.
+    pub keep_all: bool,
+    /// What pairs are off by, root mean square, over the square root of the source's area, for
+    /// [`Method::Field`]: they are moved towards where the others send them. Default 0.
+    pub anchor_error: f64,
 }
 
 impl CorrespondenceOptions {
     pub(crate) fn field(&self) -> FieldOptions {
-        FieldOptions { relax: self.relax.unwrap_or(true), confidence: self.confidence }
+        FieldOptions {
+            relax: self.relax.unwrap_or(true),
+            confidence: self.confidence,
+            keep_all: self.keep_all,
+            anchor_error: self.anchor_error,
+        }
     }
 }
 
 impl Default for CorrespondenceOptions {
     fn default() -> Self {
-        Self { method: Method::default(), precision: Precision::default(), confidence: true, relax: None }
+        Self {
+            method: Method::default(),
+            precision: Precision::default(),
+            confidence: true,
+            relax: None,
+            keep_all: false,
+            anchor_error: 0.0,
+        }
     }
 }
 

@@ -11,8 +11,10 @@
 //! Panozzo et al. 2013, in more dimensions): no pass over the anchors.
 
 pub(super) mod closest;
+mod contradicted;
 mod islands;
 mod judges;
+mod loosened;
 mod pair;
 mod predict;
 mod radial;
@@ -21,10 +23,12 @@ mod relief;
 mod repair;
 mod rigid;
 mod session;
+mod strain;
 
 use glam::DVec3;
 use rayon::prelude::*;
 
+pub use self::contradicted::Contradicted;
 pub use self::pair::FieldPair;
 use self::pair::Shapes;
 pub use self::session::{Edit, FieldSession};
@@ -66,11 +70,18 @@ pub struct FieldOptions {
     pub relax: bool,
     /// Whether points get a confidence. Default true.
     pub confidence: bool,
+    /// Whether pairs that the others contradict are used as well. Default false; a field that is
+    /// not relaxed has them all.
+    pub keep_all: bool,
+    /// What pairs are off by, root mean square, over the square root of the source's area: their
+    /// points on the source are moved towards where the others send them. Default 0: they are
+    /// held.
+    pub anchor_error: f64,
 }
 
 impl Default for FieldOptions {
     fn default() -> Self {
-        Self { relax: true, confidence: true }
+        Self { relax: true, confidence: true, keep_all: false, anchor_error: 0.0 }
     }
 }
 
@@ -86,6 +97,8 @@ pub struct FieldReport {
     /// For each anchor how far the others would have missed it, over the square root of the
     /// source's area; empty where no anchor was left out.
     pub left_out: Vec<f64>,
+    /// Pairs that the others contradict, rising: the field does without them.
+    pub contradicted: Vec<Contradicted>,
     /// Vertices whose images lay apart from those of their neighbours and took their place from
     /// these.
     pub reseated: usize,
@@ -273,6 +286,7 @@ impl<S: Real, const K: usize> Field<S, K> {
             spatial: spatial.parts.clone(),
             lambda,
             left_out,
+            contradicted: Vec::new(),
         };
         Ok(field)
     }
@@ -352,6 +366,33 @@ impl<S: Real, const K: usize> Field<S, K> {
             report: FieldReport { reseated, turned: [turned.before, turned.left.len()], ..FieldReport::default() },
             turned: turned.left,
         })
+    }
+
+    /// The same, its images rounded to the precision in which it projects.
+    fn to_precision<T: Real>(self) -> Field<T, K> {
+        Field {
+            source: self.reference.cast(),
+            reference: self.reference,
+            vertices: self.vertices,
+            triangles: self.triangles,
+            z: self.z.iter().map(cast).collect(),
+            starts: self.starts,
+            start_faces: self.start_faces,
+            drift: self.drift,
+            turned: self.turned,
+            relief: self.relief,
+            unit: self.unit,
+            trust: self.trust,
+            report: self.report,
+        }
+    }
+
+    /// The same, its anchors being off by `error` themselves; `before` is the report of the field of
+    /// the anchors as they were given.
+    fn vouched_less(mut self, error: f64, before: FieldReport) -> Self {
+        self.drift.iter_mut().for_each(|d| *d = d.hypot(error));
+        self.report = FieldReport { left_out: before.left_out, contradicted: before.contradicted, ..self.report };
+        self
     }
 
     /// A point of R^K in the frame and edges of the source there.

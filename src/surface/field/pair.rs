@@ -3,6 +3,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::contradicted::part;
 use super::predict::Known;
 use super::{Field, FieldOptions};
 use crate::engine::Real;
@@ -120,12 +121,23 @@ impl<'a, const D: usize> FieldPair<'a, D> {
     }
 
     /// The field through these anchors. `O(V n D^2)` for the prediction, three numerical
-    /// factorisations and 18 rounds of closest points for the relaxation.
+    /// factorisations and 18 rounds of closest points for the relaxation, and the same again for
+    /// each pair that is suspected of being wrong.
     ///
     /// # Errors
     /// If there is no anchor, or the relaxation breaks down.
     pub fn field<S: Real, const K: usize>(&self, anchors: &AnchorPairs, options: &FieldOptions) -> Result<Field<S, K>> {
-        Field::of(self, anchors, options)
+        let judged = options.relax && !options.keep_all;
+        let field: Field<f64, K> =
+            if judged { self.judged(anchors, options)? } else { Field::of(self, anchors, options)? };
+        if !(options.anchor_error > 0.0) {
+            return Ok(field.to_precision());
+        }
+        let left: Vec<usize> = field.report.contradicted.iter().map(|c| c.index).collect();
+        let kept: Vec<usize> = (0..anchors.len()).filter(|i| !left.contains(i)).collect();
+        let loosened = self.loosened::<K>(&part(anchors, &kept), options.anchor_error, options)?;
+        let moved: Field<f64, K> = Field::of(self, &loosened.anchors, options)?;
+        Ok(moved.vouched_less(loosened.error, field.report).to_precision())
     }
 
     /// What the anchors say.

@@ -51,16 +51,18 @@ pub struct FieldSession<'a, S: Real, const D: usize, const K: usize> {
 }
 
 impl<'a, S: Real, const D: usize, const K: usize> FieldSession<'a, S, D, K> {
-    /// Makes the field of `anchors` and what edits need: one factorisation and a solve for each
+    /// Makes the field of all `anchors` and what edits need: one factorisation and a solve for each
     /// anchor.
     ///
     /// # Errors
     /// As [`FieldPair::field`] and [`AnchorPairs::check`].
     pub fn new(pair: FieldPair<'a, D>, anchors: AnchorPairs, options: &FieldOptions) -> Result<Self> {
         check(&pair, &anchors)?;
-        let field = pair.field(&anchors, options)?;
+        // Whoever drags a pair wants it there.
+        let options = FieldOptions { keep_all: true, ..*options };
+        let field = pair.field(&anchors, &options)?;
         let factor = pair.shapes.bending.factorise(SOFT * stiffness(anchors.len()), &[], 0.0)?;
-        let mut session = Self { pair, options: *options, anchors, field, factor, columns: Vec::new() };
+        let mut session = Self { pair, options, anchors, field, factor, columns: Vec::new() };
         let targets = session.anchors.target.clone();
         session.columns = targets.iter().map(|p| session.column(p)).collect::<Result<_>>()?;
         Ok(session)

@@ -37,8 +37,12 @@ const FEWEST: usize = 6;
 /// Names the pairs that the others contradict, worst first. What was taken out while another wrong
 /// pair accused it is put back in the end.
 pub(super) fn outliers(source: Shape<'_>, target: Shape<'_>, pairs: &AnchorPairs) -> Result<Vec<Outlier>> {
-    let options =
-        CorrespondenceOptions { method: Method::Field, confidence: false, ..CorrespondenceOptions::default() };
+    let options = CorrespondenceOptions {
+        method: Method::Field,
+        confidence: false,
+        keep_all: true,
+        ..CorrespondenceOptions::default()
+    };
     let (here, there) = (Frame::of_mesh(target.mesh), Frame::of_mesh(source.mesh));
     let length = target.mesh.area().sqrt() * here.scale;
     let at: Vec<DVec3> = pairs.target.iter().map(|p| here.place(p, target.mesh) / length).collect();
