@@ -16,9 +16,9 @@
 //! ```
 
 use std::cell::RefCell;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use crate::error::{Error, Result};
@@ -194,10 +194,19 @@ const LOOK: Duration = Duration::from_millis(20);
 pub(crate) fn apart<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T> {
     let Some(control) = current().0.filter(|_| !cfg!(target_family = "wasm")) else { return Ok(work()) };
     let (done, result) = mpsc::channel();
-    let worker = std::thread::spawn(move || {
-        // Nobody hears it where the work was cancelled.
-        let _ = done.send(work());
-    });
+    let job = Arc::new(Mutex::new(Some(work)));
+    let theirs = Arc::clone(&job);
+    let begin = move || {
+        let work = theirs.lock().unwrap_or_else(PoisonError::into_inner).take();
+        if let Some(work) = work {
+            // Nobody hears it where the work was cancelled.
+            let _ = done.send(work());
+        }
+    };
+    let Ok(worker) = std::thread::Builder::new().spawn(begin) else {
+        // There is no thread to be had.
+        return job.lock().unwrap_or_else(PoisonError::into_inner).take().map(|work| work()).ok_or(Error::Cancelled);
+    };
     loop {
         match result.recv_timeout(LOOK) {
             Ok(value) => return Ok(value),
