@@ -91,7 +91,7 @@ fn contradictory_pairs_are_named_flagged_and_left_out() {
 fn pairs_none_of_which_can_be_trusted_are_written_by_force_only() {
     // Left and right of a figure may be exchanged, and nobody says which is which.
     let f = characters(8, None);
-    let command = "anchors s.obj t.obj --landmarks 400 -o o.json";
+    let command = "anchors s.obj t.obj -o o.json";
     let before = f.names();
     let ran = f.run(command);
     ran.fails(3, &["all ", "are doubtful", "no file is written", "--force"]);

@@ -58,13 +58,17 @@ fn there_and_back_is_reported() {
     assert!(f.json("r.json")["cycle"]["returned"].as_f64().unwrap() > 0.99);
     f.run(MAP).succeeds();
     assert!(f.json("r.json").get("cycle").is_none());
-    // A pair that contradicts the others tears the two maps apart.
+    // Pairs that contradict the others tear the two maps apart, where they are used.
     let mut pairs = f.json("a.json");
     let list = pairs["source"].as_array_mut().unwrap();
     list.swap(1, 20);
     list.swap(5, 30);
     f.write("a.json", &pairs.to_string());
-    f.run(&format!("{MAP} --cycle")).succeeds();
+    let ran = f.run(&format!("{MAP} --cycle")).succeeds();
+    assert!(ran.stderr.contains("exchanged with pair 20") && ran.stderr.contains("--keep-all"), "{}", ran.stderr);
+    let kept_out = f.json("r.json")["cycle"]["mean"].as_f64().unwrap();
+    assert!(kept_out < 1.5 * near, "{kept_out} {near}");
+    f.run(&format!("{MAP} --cycle --keep-all")).succeeds();
     let torn = f.json("r.json")["cycle"]["mean"].as_f64().unwrap();
     assert!(torn > 2.0 * near, "{torn} {near}");
 }

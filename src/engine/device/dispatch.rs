@@ -20,6 +20,10 @@ const SLICE: Duration = Duration::from_millis(150);
 /// A wait looks this often whether work was cancelled.
 const WAIT_PART: Duration = Duration::from_millis(50);
 
+/// Pauses between two looks whether a submission has ended: at first, and at most.
+const LEAST_PAUSE: Duration = Duration::from_micros(20);
+const MOST_PAUSE: Duration = Duration::from_millis(1);
+
 /// Items of the first slice of a kernel whose pace is not known.
 const PROBE: u32 = 4096;
 
@@ -87,30 +91,32 @@ impl Gpu {
     pub fn wait(&self, submission: &Submission) -> Result<()> {
         self.check()?;
         self.counters.wait();
+        if !CAN_WAIT {
+            return self.check();
+        }
         let begun = Instant::now();
+        let (mut looked, mut pause) = (begun, LEAST_PAUSE);
         loop {
-            // A wait that ends early must not overlap with another's: wgpu takes a queue that the
-            // other has emptied meanwhile for a fault of its own, and panics.
-            let turn = self.polling.lock().unwrap_or_else(PoisonError::into_inner);
-            // In parts, so that work can be cancelled in between.
-            let rest = self.timeout.saturating_sub(begun.elapsed());
-            let part = wgpu::PollType::Wait {
-                submission_index: Some(submission.index.clone()),
-                timeout: Some(rest.min(WAIT_PART)),
-            };
-            let polled = self.device.poll(part);
-            drop(turn);
-            match polled {
-                Ok(_) => return self.check(),
-                Err(wgpu::PollError::Timeout) if rest > WAIT_PART => control::check()?,
-                Err(e) => {
-                    self.check()?;
-                    return Err(Error::Device {
-                        what: format!("no answer after {:.0} s ({e})", self.timeout.as_secs_f64()),
-                        remedy: "The driver hangs or the machine is overloaded: try again or use --backend cpu".into(),
-                    });
-                }
+            // Not `PollType::Wait`: where such a wait ends early while another thread, or the window
+            // that lent its device, empties the queue, wgpu takes that for a fault of its own and
+            // panics.
+            let _ = self.device.poll(wgpu::PollType::Poll);
+            self.check()?;
+            if submission.ended.load(Ordering::Acquire) {
+                return Ok(());
             }
+            if begun.elapsed() > self.timeout {
+                return Err(Error::Device {
+                    what: format!("no answer after {:.0} s", self.timeout.as_secs_f64()),
+                    remedy: "The driver hangs or the machine is overloaded: try again or use --backend cpu".into(),
+                });
+            }
+            if looked.elapsed() > WAIT_PART {
+                control::check()?;
+                looked = Instant::now();
+            }
+            std::thread::sleep(pause);
+            pause = (2 * pause).min(MOST_PAUSE);
         }
     }
 
@@ -120,7 +126,6 @@ impl Gpu {
     /// [`Error::Device`] if the device is lost.
     pub fn is_done(&self, submission: &Submission) -> Result<bool> {
         if !submission.ended.load(Ordering::Acquire) {
-            // Without an index to wait for, so that it may overlap with a wait.
             let _ = self.device.poll(wgpu::PollType::Poll);
         }
         self.check()?;

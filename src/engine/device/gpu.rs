@@ -25,8 +25,6 @@ pub struct Gpu {
     pub(super) timeout: Duration,
     pub(super) budget: Arc<Budget>,
     pub(super) submitting: Mutex<()>,
-    /// Held while a thread waits.
-    pub(super) polling: Mutex<()>,
     pub(super) counters: Counters,
     fault: Arc<OnceLock<String>>,
     verdicts: Verdicts,
@@ -109,7 +107,6 @@ impl Gpu {
             timeout,
             budget: Arc::new(Budget { held: AtomicU64::new(0), allowed: memory.unwrap_or(u64::MAX) }),
             submitting: Mutex::new(()),
-            polling: Mutex::new(()),
             counters: Counters::default(),
             fault: Arc::new(OnceLock::new()),
             verdicts: Verdicts::default(),

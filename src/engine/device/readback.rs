@@ -133,7 +133,6 @@ impl<'a, T: Pod> Staging<'a, T> {
     /// # Errors
     /// As [`Staging::take`], and if the encoder was dropped.
     pub fn poll<R>(&mut self, use_: impl FnOnce(&[T]) -> R) -> Result<Option<R>> {
-        // Without an index to wait for, so that it may overlap with a wait.
         let _ = self.gpu.device.poll(wgpu::PollType::Poll);
         self.gpu.check()?;
         let arrived = self.slot.pending.as_ref().is_none_or(|(_, arrival)| arrival.is_there());

@@ -24,6 +24,7 @@ pub struct Contradicted {
     pub off: f64,
     /// Another contradicted pair, with whose place on the source this one would agree: the two were
     /// exchanged, a left hand for a right one.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub exchanged_with: Option<usize>,
 }
 
