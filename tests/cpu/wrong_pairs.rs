@@ -173,3 +173,15 @@ fn few_pairs_are_all_kept() {
     few.source[2] = pair.source.point(pair.source.at_distance(pair.vertices[2], 0.4));
     assert!(pair.map(&few, &default()).1.is_empty());
 }
+
+#[test]
+fn a_pair_that_pulls_the_texture_of_one_mesh_is_kept() {
+    let mut pair = Pair::new(4.0);
+    pair.target = Side::new(pair.source.mesh.clone());
+    let mut anchors = pair.exact();
+    anchors.source[3] = pair.source.point(pair.source.at_distance(pair.vertices[3], 0.2));
+    let (pulled, named) = pair.map(&anchors, &default());
+    assert!(named.is_empty(), "{named:?}");
+    assert_eq!(pulled, pair.map(&anchors, &keeping()).0);
+    assert!(pulled > 10.0 * pair.map(&pair.exact(), &default()).0, "{pulled}");
+}

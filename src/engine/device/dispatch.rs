@@ -49,7 +49,6 @@ enum Encoder<'a> {
 /// Tells one submission from others.
 #[derive(Clone, Debug)]
 pub struct Submission {
-    index: wgpu::SubmissionIndex,
     /// Set by the device's callback, which comes while somebody polls.
     ended: Arc<AtomicBool>,
 }
@@ -76,11 +75,11 @@ impl Gpu {
 
     /// Submits commands, and what was written to buffers before.
     pub(super) fn send(&self, commands: Option<wgpu::CommandBuffer>) -> Submission {
-        let index = self.queue.submit(commands);
+        self.queue.submit(commands);
         let ended = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&ended);
         self.queue.on_submitted_work_done(move || flag.store(true, Ordering::Release));
-        Submission { index, ended }
+        Submission { ended }
     }
 
     /// Waits for a submission. In a browser, where no thread can, it returns at once;

@@ -127,7 +127,7 @@ impl<'a, const D: usize> FieldPair<'a, D> {
     /// # Errors
     /// If there is no anchor, or the relaxation breaks down.
     pub fn field<S: Real, const K: usize>(&self, anchors: &AnchorPairs, options: &FieldOptions) -> Result<Field<S, K>> {
-        let judged = options.relax && !options.keep_all;
+        let judged = options.relax && !options.keep_all && !self.is_self_map();
         let field: Field<f64, K> =
             if judged { self.judged(anchors, options)? } else { Field::of(self, anchors, options)? };
         if !(options.anchor_error > 0.0) {
@@ -138,6 +138,13 @@ impl<'a, const D: usize> FieldPair<'a, D> {
         let loosened = self.loosened::<K>(&part(anchors, &kept), options.anchor_error, options)?;
         let moved: Field<f64, K> = Field::of(self, &loosened.anchors, options)?;
         Ok(moved.vouched_less(loosened.error, field.report).to_precision())
+    }
+
+    /// Whether both surfaces are one mesh: then a pair that contradicts the identity is what the user
+    /// wants, a texture that is pulled.
+    fn is_self_map(&self) -> bool {
+        let (source, target) = (&self.shapes.source, &self.shapes.target);
+        source.topology.triangles == target.topology.triangles && source.mesh.positions == target.mesh.positions
     }
 
     /// What the anchors say.
