@@ -369,7 +369,7 @@ impl<S: Real, const K: usize> Field<S, K> {
     }
 
     /// The same, its images rounded to the precision in which it projects.
-    fn to_precision<T: Real>(self) -> Field<T, K> {
+    fn into_precision<T: Real>(self) -> Field<T, K> {
         Field {
             source: self.reference.cast(),
             reference: self.reference,

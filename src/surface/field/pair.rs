@@ -131,13 +131,13 @@ impl<'a, const D: usize> FieldPair<'a, D> {
         let field: Field<f64, K> =
             if judged { self.judged(anchors, options)? } else { Field::of(self, anchors, options)? };
         if !(options.anchor_error > 0.0) {
-            return Ok(field.to_precision());
+            return Ok(field.into_precision());
         }
         let left: Vec<usize> = field.report.contradicted.iter().map(|c| c.index).collect();
         let kept: Vec<usize> = (0..anchors.len()).filter(|i| !left.contains(i)).collect();
         let loosened = self.loosened::<K>(&part(anchors, &kept), options.anchor_error, options)?;
         let moved: Field<f64, K> = Field::of(self, &loosened.anchors, options)?;
-        Ok(moved.vouched_less(loosened.error, field.report).to_precision())
+        Ok(moved.vouched_less(loosened.error, field.report).into_precision())
     }
 
     /// Whether both surfaces are one mesh: then a pair that contradicts the identity is what the user

@@ -55,7 +55,7 @@ impl LivePartition {
     /// # Errors
     /// As [`partition`].
     pub fn drag(&mut self, cage: &Cage) -> Result<&Partition> {
-        self.partition = match self.from_the_last(cage)? {
+        self.partition = match self.followed(cage)? {
             Some(found) => found,
             None => partition_with(&mut self.evaluate(), cage, &self.options, &Quiet)?,
         };
@@ -84,7 +84,7 @@ impl LivePartition {
 
     /// A binary partition along the last path, with the last knots and what they need; none for
     /// partitions of other kinds, and where that path does not lead to one without folds.
-    fn from_the_last(&mut self, cage: &Cage) -> Result<Option<Partition>> {
+    fn followed(&mut self, cage: &Cage) -> Result<Option<Partition>> {
         let kind = self.partition.path;
         let plain = matches!(kind, PathKind::Intrinsic | PathKind::Linear);
         if self.options.kind != PartitionKind::Binary || !plain || self.partition.folds {

@@ -85,7 +85,7 @@ const SPANS: usize = 16;
 /// many. At 2^-20 of the sum of the products all of it may be rounding, and the middle of the
 /// triangle is shown: off by no more than the triangle's size in the picture.
 #[cfg(test)]
-const THIN: f32 = 9.536_743_164_062_5e-7;
+const THIN: f32 = 9.536_743e-7;
 
 /// What the kernels read about a triangle: nodes, the place of the first in the picture, and the
 /// way from there to the others.
