@@ -1,11 +1,12 @@
-//! What a wrong click does: pairs whose correspondence is known, with pairs of anchors that are not.
+//! What a wrong click does: shapes whose correspondence is known, with anchors that are wrong.
 //!
 //! `BARYMAP_DATA=... cargo bench --bench mistakes [-- PAIR]`. Twenty anchors by farthest points; of
-//! them one is moved along the source by a distance, or two are exchanged. Errors are means over the
-//! target's vertices of the distance to the truth, over the square root of the source's area: of the
-//! field with the wrong pairs kept, of the field as it is by default, and of the field without the
-//! wrong pairs. Constants were chosen on the first four pairs; those called `judge` judge them, with 27
-//! anchors. `named` are the pairs that the default left out, `*` those that are right.
+//! them one is moved along the source by a distance, or two are exchanged. Errors are means over
+//! the target's vertices of the distance to the truth, over the square root of the source's area:
+//! of the field with the wrong pairs kept, of the field as it is by default, and of the field
+//! without the wrong pairs. Constants were chosen on the first four pairs; those called `judge`
+//! judge them, with 27 anchors. `named` are the pairs that the default left out, `*` those that are
+//! right.
 
 mod support;
 

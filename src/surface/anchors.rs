@@ -42,6 +42,12 @@ impl AnchorPairs {
         self.source.is_empty()
     }
 
+    /// The pairs of these numbers, in this order.
+    pub(crate) fn part(&self, numbers: &[usize]) -> Self {
+        let of = |points: &[SurfacePoint]| numbers.iter().map(|&i| points[i]).collect();
+        Self { source: of(&self.source), target: of(&self.target) }
+    }
+
     /// Checks that the pairs fit the two meshes and returns what is worth a warning (coincident
     /// anchors, components with no anchor).
     ///

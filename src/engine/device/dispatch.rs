@@ -96,9 +96,9 @@ impl Gpu {
         let begun = Instant::now();
         let (mut looked, mut pause) = (begun, LEAST_PAUSE);
         loop {
-            // Not `PollType::Wait`: where such a wait ends early while another thread, or the window
-            // that lent its device, empties the queue, wgpu takes that for a fault of its own and
-            // panics.
+            // Not `PollType::Wait`: where such a wait ends early while another thread, or the
+            // window that lent its device, empties the queue, wgpu takes that for a fault of its
+            // own and panics.
             let _ = self.device.poll(wgpu::PollType::Poll);
             self.check()?;
             if submission.ended.load(Ordering::Acquire) {

@@ -3,10 +3,10 @@
 //! Each pair is asked where the others would have sent it. Predictions answer that for nothing
 //! ([`FieldReport::left_out`](super::FieldReport::left_out)), but only roughly: they name suspects.
 //! A suspect is then left out of a whole field, relaxed onto the source, which comes several times
-//! nearer to the truth. Being far off is not enough to be wrong: where a tip is left out, a tail, the
-//! others cannot tell where it goes. But without a wrong pair the map is strained less, and without
-//! a right one it is strained as much or more; that tells them apart. Pairs are taken out one after
-//! the other, first the one that strains most, since a wrong one accuses its neighbours.
+//! nearer to the truth. Being far off is not enough to be wrong: where a tip is left out, a tail,
+//! the others cannot tell where it goes. But without a wrong pair the map is strained less, and
+//! without a right one it is strained as much or more; that tells them apart. Pairs are taken out
+//! one after the other, first the one that strains most, since a wrong one accuses its neighbours.
 
 use super::pair::{FieldPair, Shapes};
 use super::{Field, FieldOptions};
@@ -63,30 +63,29 @@ impl<const D: usize> FieldPair<'_, D> {
         let mut field: Field<f64, K> = Field::of(self, anchors, options)?;
         let least = LEAST.max(OF_TOLERANCE * options.anchor_error);
         let mut kept: Vec<usize> = (0..anchors.len()).collect();
-        let mut out: Vec<Contradicted> = Vec::new();
+        let mut out: Vec<usize> = Vec::new();
         while kept.len() > FEWEST && MOST * (out.len() + 1) <= anchors.len() {
             let left_out = &field.report.left_out;
             let usual = median(left_out);
-            let suspects = suspects(left_out, usual);
             let bound = least.max(OF_USUAL * usual);
             // One after the other: a field at a time is in memory beside the two best.
-            let mut worst: Option<(f64, f64, usize, Field<f64, K>)> = None;
+            let mut worst: Option<(f64, usize, Field<f64, K>)> = None;
             let mut strain = None;
-            for k in suspects {
+            for k in suspects(left_out, usual) {
                 let others: Vec<usize> = kept.iter().copied().filter(|&i| i != kept[k]).collect();
-                let without: Field<f64, K> = Field::of(self, &part(anchors, &others), options)?;
+                let without: Field<f64, K> = Field::of(self, &anchors.part(&others), options)?;
                 let off = self.off(&without, anchors, kept[k]);
                 if !(off > bound) {
                     continue;
                 }
-                let part = self.strain(&without) / *strain.get_or_insert_with(|| self.strain(&field));
-                let wrong = part < RELIEF || (part < SOME_RELIEF && off > FAR * usual);
-                if wrong && worst.as_ref().is_none_or(|w| part < w.0) {
-                    worst = Some((part, off, k, without));
+                let left = self.strain(&without) / *strain.get_or_insert_with(|| self.strain(&field));
+                let wrong = left < RELIEF || (left < SOME_RELIEF && off > FAR * usual);
+                if wrong && worst.as_ref().is_none_or(|w| left < w.0) {
+                    worst = Some((left, k, without));
                 }
             }
-            let Some((_, off, k, without)) = worst else { break };
-            out.push(Contradicted { index: kept.remove(k), off, exchanged_with: None });
+            let Some((_, k, without)) = worst else { break };
+            out.push(kept.remove(k));
             field = without;
         }
         if out.is_empty() {
@@ -94,14 +93,12 @@ impl<const D: usize> FieldPair<'_, D> {
         }
         // What was taken out while a wrong pair accused it comes back.
         let bound = least.max(OF_USUAL * median(&field.report.left_out));
-        for o in &mut out {
-            o.off = self.off(&field, anchors, o.index);
-        }
-        let (wrong, right): (Vec<_>, Vec<_>) = out.into_iter().partition(|o| o.off > bound);
+        let found = |index: usize| Contradicted { index, off: self.off(&field, anchors, index), exchanged_with: None };
+        let (wrong, right): (Vec<_>, Vec<_>) = out.into_iter().map(found).partition(|o| o.off > bound);
         if !right.is_empty() {
             kept.extend(right.iter().map(|o| o.index));
             kept.sort_unstable();
-            field = Field::of(self, &part(anchors, &kept), options)?;
+            field = Field::of(self, &anchors.part(&kept), options)?;
         }
         self.name(&mut field, anchors, &kept, wrong);
         Ok(field)
@@ -141,14 +138,6 @@ impl<const D: usize> FieldPair<'_, D> {
         wrong.sort_by_key(|o| o.index);
         field.report.left_out = errors;
         field.report.contradicted = wrong;
-    }
-}
-
-/// These pairs alone.
-pub(super) fn part(anchors: &AnchorPairs, kept: &[usize]) -> AnchorPairs {
-    AnchorPairs {
-        source: kept.iter().map(|&i| anchors.source[i]).collect(),
-        target: kept.iter().map(|&i| anchors.target[i]).collect(),
     }
 }
 

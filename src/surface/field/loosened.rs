@@ -8,7 +8,7 @@
 
 use rayon::prelude::*;
 
-use super::contradicted::{median, part};
+use super::contradicted::median;
 use super::pair::FieldPair;
 use super::{Field, FieldOptions};
 use crate::error::Result;
@@ -49,7 +49,7 @@ impl<const D: usize> FieldPair<'_, D> {
         }
         let fold = |f: usize| -> Result<Vec<(usize, glam::DVec3)>> {
             let others: Vec<usize> = (0..n).filter(|i| i % FOLDS != f).collect();
-            let field: Field<f64, K> = Field::of(self, &part(anchors, &others), options)?;
+            let field: Field<f64, K> = Field::of(self, &anchors.part(&others), options)?;
             Ok((f..n).step_by(FOLDS).map(|i| (i, self.miss(&field, anchors, i))).collect())
         };
         let folds: Vec<_> = (0..FOLDS).into_par_iter().map(fold).collect::<Result<_>>()?;

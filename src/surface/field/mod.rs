@@ -387,8 +387,8 @@ impl<S: Real, const K: usize> Field<S, K> {
         }
     }
 
-    /// The same, its anchors being off by `error` themselves; `before` is the report of the field of
-    /// the anchors as they were given.
+    /// The same, its anchors being off by `error` themselves; `before` is the report of the field
+    /// of the anchors as they were given.
     fn vouched_less(mut self, error: f64, before: FieldReport) -> Self {
         self.drift.iter_mut().for_each(|d| *d = d.hypot(error));
         self.report = FieldReport { left_out: before.left_out, contradicted: before.contradicted, ..self.report };

@@ -3,7 +3,6 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::contradicted::part;
 use super::predict::Known;
 use super::{Field, FieldOptions};
 use crate::engine::Real;
@@ -135,13 +134,13 @@ impl<'a, const D: usize> FieldPair<'a, D> {
         }
         let left: Vec<usize> = field.report.contradicted.iter().map(|c| c.index).collect();
         let kept: Vec<usize> = (0..anchors.len()).filter(|i| !left.contains(i)).collect();
-        let loosened = self.loosened::<K>(&part(anchors, &kept), options.anchor_error, options)?;
+        let loosened = self.loosened::<K>(&anchors.part(&kept), options.anchor_error, options)?;
         let moved: Field<f64, K> = Field::of(self, &loosened.anchors, options)?;
         Ok(moved.vouched_less(loosened.error, field.report).into_precision())
     }
 
-    /// Whether both surfaces are one mesh: then a pair that contradicts the identity is what the user
-    /// wants, a texture that is pulled.
+    /// Whether both surfaces are one mesh: then a pair that contradicts the identity is what the
+    /// user wants, a texture that is pulled.
     fn is_self_map(&self) -> bool {
         let (source, target) = (&self.shapes.source, &self.shapes.target);
         source.topology.triangles == target.topology.triangles && source.mesh.positions == target.mesh.positions

@@ -48,13 +48,7 @@ pub(super) fn outliers(source: Shape<'_>, target: Shape<'_>, pairs: &AnchorPairs
     let at: Vec<DVec3> = pairs.target.iter().map(|p| here.place(p, target.mesh) / length).collect();
     let mut kept: Vec<usize> = (0..pairs.len()).collect();
     let mut out: Vec<Outlier> = Vec::new();
-    let map_of = |kept: &[usize]| {
-        let now = AnchorPairs {
-            source: kept.iter().map(|&i| pairs.source[i]).collect(),
-            target: kept.iter().map(|&i| pairs.target[i]).collect(),
-        };
-        correspondence(source, target, &now, &options)
-    };
+    let map_of = |kept: &[usize]| correspondence(source, target, &pairs.part(kept), &options);
     let mut usual = 0.0;
     while kept.len() >= FEWEST && out.len() < MOST {
         let map = map_of(&kept)?;

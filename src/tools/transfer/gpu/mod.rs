@@ -20,7 +20,7 @@
 //! | `tally` | coverage, counts and areas | `tally::Tally` |
 //! | `coverage_bits` | covered texels as bits | `pad_seams::column_bits` |
 //! | `copy_padding` | colours of the padding | `layer::copy_padding` |
-//! | `blank_texels`, `show_texels` | what a live transfer clears and shows | none: they only write |
+//! | `blank_texels`, `show_texels` | what a live transfer clears and shows | none: they write |
 //!
 //! What is decided in integers (coverage, padding) is the reference's to the bit.
 

@@ -8,7 +8,7 @@
 //! | `filter_pixels` | what they see of the picture | [`warp_image`](super::gather::warp_image) |
 //! | `store_pixels` | samples of the result | [`store`](super::store::store) |
 //! | `count_pixels` | what became of them | [`count_pixels`](pixels::count_pixels) |
-//! | `paint_lattice`, `paint_wide` | the triangle of a lattice that each pixel of a preview shows | [`Preimages`](crate::mapping::plane::Preimages) |
+//! | `paint_lattice`, `paint_wide` | the triangle of a lattice that each pixel of a preview shows | `Preimages` of the lattice |
 //! | `show_lattice` | what the preview shows there | [`Preview`](super::Preview) |
 //! | `warp_image` | as `filter_pixels`, from windows of the picture | [`warp_image`](super::gather::warp_image) |
 //!
