@@ -4,49 +4,29 @@
 /// Stages in the order in which they come, and what each takes in comparison with the others. The
 /// weights are for meshes of some thousand vertices and pictures of 1024 texels a side; where they
 /// are wrong the bar is quicker here and slower there, and never goes back.
-pub(crate) type Stages = &'static [(&'static str, f64)];
+pub(crate) type Stages = &'static [Part];
+
+/// Stages that come together.
+type Part = &'static [(&'static str, f64)];
 
 /// One embedding.
-const EMBED: Stages = &[
+const EMBEDDING: Part = &[
     ("simplification", 2.0),
     ("landmarks", 1.0),
     ("geodesic distances", 8.0),
     ("multidimensional scaling", 8.0),
     ("least-squares mesh", 3.0),
 ];
+const ALIGNMENT: Part = &[("alignment", 6.0)];
+
+const EMBED: Stages = &[EMBEDDING];
 /// Embeddings of two meshes, a map between them and pictures through it.
-const TRANSFER: Stages = &[
-    ("simplification", 2.0),
-    ("landmarks", 1.0),
-    ("geodesic distances", 8.0),
-    ("multidimensional scaling", 8.0),
-    ("least-squares mesh", 3.0),
-    ("simplification", 2.0),
-    ("landmarks", 1.0),
-    ("geodesic distances", 8.0),
-    ("multidimensional scaling", 8.0),
-    ("least-squares mesh", 3.0),
-    ("alignment", 6.0),
-    ("texels", 30.0),
-    ("padding", 2.0),
-];
-/// As [`TRANSFER`], without pictures.
-const MAP: Stages = TRANSFER.split_at(11).0;
-const ANCHORS: Stages = &[
-    ("simplification", 2.0),
-    ("landmarks", 1.0),
-    ("geodesic distances", 8.0),
-    ("multidimensional scaling", 8.0),
-    ("least-squares mesh", 3.0),
-    ("simplification", 2.0),
-    ("landmarks", 1.0),
-    ("geodesic distances", 8.0),
-    ("multidimensional scaling", 8.0),
-    ("least-squares mesh", 3.0),
-    ("proposing anchors", 40.0),
-];
-const WARP: Stages = &[("partition", 2.0), ("certificate", 20.0), ("pixels", 5.0)];
-const POINTS: Stages = &[("partition", 2.0), ("certificate", 20.0), ("points", 5.0)];
+const TRANSFER: Stages = &[EMBEDDING, EMBEDDING, ALIGNMENT, &[("texels", 30.0), ("padding", 2.0)]];
+/// The same without pictures.
+const MAP: Stages = &[EMBEDDING, EMBEDDING, ALIGNMENT];
+const ANCHORS: Stages = &[EMBEDDING, EMBEDDING, &[("proposing anchors", 40.0)]];
+const WARP: Stages = &[&[("partition", 2.0), ("certificate", 20.0), ("pixels", 5.0)]];
+const POINTS: Stages = &[&[("partition", 2.0), ("certificate", 20.0), ("points", 5.0)]];
 
 /// The stages of a command; none where it has one alone, or none that takes long.
 pub(crate) fn stages(command: &str) -> Stages {
@@ -80,7 +60,7 @@ pub(crate) struct Plan {
 impl Plan {
     /// Of a command that has not begun.
     pub(crate) fn new(stages: Stages) -> Self {
-        Self { stages: stages.to_vec(), item: (0, 1), ..Self::default() }
+        Self { stages: stages.concat(), item: (0, 1), ..Self::default() }
     }
 
     /// Item `k` of `count` equal ones begins, with all stages before it again.
