@@ -3,45 +3,18 @@
 //!
 //! Errors are distances in space between image and truth over the square root of the source's area.
 
-use barymap::geometry::sampling::farthest_points;
-use barymap::geometry::{Geodesics, March, Mesh, SurfacePoint, Topology};
-use barymap::progress::Quiet;
-use barymap::surface::anchors::vertex_point;
-use barymap::surface::correspondence::{CorrespondenceOptions, Method, Precision, Shape, correspondence};
+use barymap::geometry::{Geodesics, March, SurfacePoint};
+use barymap::surface::correspondence::{CorrespondenceOptions, Method, Precision, correspondence};
 use barymap::surface::quality::{ErrorSummary, summarise};
-use barymap::surface::{AnchorPairs, Embedding, EmbeddingOptions, Status};
+use barymap::surface::{AnchorPairs, EmbeddingOptions, Status};
 use barymap::tools::vertex_map::{VertexMap, vertex_map};
 use glam::DVec3;
 
 use crate::common::{data, load};
+use crate::embedded::Embedded;
 
-/// A mesh with its embedding.
-struct Embedded {
-    mesh: Mesh,
-    topology: Topology,
-    embedding: Embedding,
-}
-
-impl Embedded {
-    fn read(file: &str) -> Self {
-        let mesh = load(file);
-        let topology = Topology::new(&mesh);
-        let embedding = Embedding::compute(&mesh, &topology, &EmbeddingOptions::default(), &Quiet).unwrap();
-        Self { mesh, topology, embedding }
-    }
-
-    fn shape(&self) -> Shape<'_> {
-        Shape { mesh: &self.mesh, topology: &self.topology, embedding: Some(&self.embedding) }
-    }
-
-    fn point(&self, v: u32) -> SurfacePoint {
-        vertex_point(&self.mesh, &self.topology, v, "anchor").unwrap()
-    }
-
-    /// `n` vertices far from one another along the surface.
-    fn spread(&self, n: usize) -> Vec<u32> {
-        farthest_points(&Geodesics::new(&self.mesh.positions, &self.mesh.triangles()).unwrap(), 0, n)
-    }
+fn read(file: &str) -> Embedded {
+    Embedded::new(load(file), &EmbeddingOptions::default())
 }
 
 /// A pair with its anchors and the true image of each target vertex.
@@ -137,7 +110,7 @@ fn smpl_and_fox_pairs_meet_the_bar_of_the_study() {
         ("fox run to rest", "gt/fox_same/fox_run.obj", "gt/fox_same/fox_rest.obj", 0.008),
         ("fox rest to run", "gt/fox_same/fox_rest.obj", "gt/fox_same/fox_run.obj", 0.008),
     ] {
-        let (source, target) = (Embedded::read(source), Embedded::read(target));
+        let (source, target) = (read(source), read(target));
         let pair = Pair::same(&source, &target, &target.spread(93));
         let (averages, transport) = (pair.map(Method::Averages), pair.map(Method::Transport));
         say(name, "averages, 93", &averages);
@@ -162,8 +135,8 @@ fn smpl_and_fox_pairs_meet_the_bar_of_the_study() {
 #[test]
 #[ignore = "needs BARYMAP_DATA"]
 fn what_is_claimed_valid_on_the_human_pair_is_right() {
-    let woman = Embedded::read("textured/human_female/human_female.obj");
-    let man = Embedded::read("textured/human_male/human_male.obj");
+    let woman = read("textured/human_female/human_female.obj");
+    let man = read("textured/human_male/human_male.obj");
     let text = std::fs::read_to_string(data("gt/makehuman_same/anchors_80.txt")).unwrap();
     let vertices: Vec<u32> =
         text.lines().filter_map(|l| l.split_whitespace().next()).map(|v| v.parse().unwrap()).collect();
@@ -212,7 +185,7 @@ fn different_connectivity_with_known_truth() {
 #[test]
 #[ignore = "needs BARYMAP_DATA"]
 fn round_trips_on_one_mesh() {
-    let man = Embedded::read("gt/smpl_same/man.obj");
+    let man = read("gt/smpl_same/man.obj");
     let pair = Pair::same(&man, &man, &man.spread(93));
     let edge = man.mesh.mean_edge_length() / man.mesh.area().sqrt();
     let transport = pair.map(Method::Transport);
@@ -232,7 +205,7 @@ fn round_trips_on_one_mesh() {
 
 /// The pair of different connectivity, every vertex of the target with its place on the source.
 fn cross() -> (Embedded, Embedded, Vec<SurfacePoint>) {
-    let (man, woman) = (Embedded::read("gt/smpl_cross/man.obj"), Embedded::read("gt/smpl_cross/woman_9k.obj"));
+    let (man, woman) = (read("gt/smpl_cross/man.obj"), read("gt/smpl_cross/woman_9k.obj"));
     let text = std::fs::read_to_string(data("gt/smpl_cross/truth.txt")).unwrap();
     let point = |l: &str| {
         let n: Vec<f64> = l.split_whitespace().map(|x| x.parse().unwrap()).collect();
@@ -244,9 +217,9 @@ fn cross() -> (Embedded, Embedded, Vec<SurfacePoint>) {
 #[test]
 #[ignore = "needs BARYMAP_DATA"]
 fn the_field_is_nearer_to_the_truth_than_every_other_method() {
-    let humans = ["male", "female"].map(|w| Embedded::read(&format!("textured/human_{w}/human_{w}.obj")));
-    let foxes = ["run", "rest", "survey"].map(|w| Embedded::read(&format!("gt/fox_same/fox_{w}.obj")));
-    let smpl = ["man", "woman"].map(|w| Embedded::read(&format!("gt/smpl_same/{w}.obj")));
+    let humans = ["male", "female"].map(|w| read(&format!("textured/human_{w}/human_{w}.obj")));
+    let foxes = ["run", "rest", "survey"].map(|w| read(&format!("gt/fox_same/fox_{w}.obj")));
+    let smpl = ["man", "woman"].map(|w| read(&format!("gt/smpl_same/{w}.obj")));
     let (man, woman, truth) = cross();
     let same = [
         (&humans[0], &humans[1]),
@@ -310,7 +283,7 @@ fn the_field_is_nearer_to_the_truth_than_every_other_method() {
 #[test]
 #[ignore = "needs BARYMAP_DATA"]
 fn a_cluster_of_anchors_spoils_nothing_elsewhere() {
-    let foxes = ["run", "rest", "survey"].map(|w| Embedded::read(&format!("gt/fox_same/fox_{w}.obj")));
+    let foxes = ["run", "rest", "survey"].map(|w| read(&format!("gt/fox_same/fox_{w}.obj")));
     for (source, target) in [(&foxes[0], &foxes[1]), (&foxes[1], &foxes[0]), (&foxes[0], &foxes[2])] {
         let spread = target.spread(16);
         // Forty more around one of them: every third of the vertices nearest to it.
@@ -336,7 +309,7 @@ fn a_cluster_of_anchors_spoils_nothing_elsewhere() {
 #[test]
 #[ignore = "needs BARYMAP_DATA"]
 fn the_field_returns_on_one_mesh() {
-    let man = Embedded::read("gt/smpl_same/man.obj");
+    let man = read("gt/smpl_same/man.obj");
     let edge = man.mesh.mean_edge_length() / man.mesh.area().sqrt();
     for anchors in [27, 93] {
         let field = Pair::same(&man, &man, &man.spread(anchors)).map(Method::Field);

@@ -1,45 +1,21 @@
 //! Anchors proposed on built-in characters and, where there is data, on real pairs with known
 //! truth.
 
-use barymap::geometry::sampling::farthest_points;
-use barymap::geometry::{ClosestPoints, Geodesics, Mesh, SurfacePoint, Topology};
+use barymap::geometry::{ClosestPoints, Mesh, SurfacePoint};
 use barymap::models::character_pair;
 use barymap::progress::Quiet;
-use barymap::surface::anchors::vertex_point;
-use barymap::surface::correspondence::{CorrespondenceOptions, Method, Shape, correspondence};
+use barymap::surface::correspondence::{CorrespondenceOptions, Method, correspondence};
 use barymap::surface::quality::summarise;
-use barymap::surface::{AnchorPairs, Embedding, EmbeddingOptions};
+use barymap::surface::{AnchorPairs, EmbeddingOptions};
 use barymap::tools::anchors::{AnchorOptions, Origin, Proposal, Proposed, contradicted, propose, suggest};
 use barymap::tools::vertex_map::vertex_map;
 use glam::DVec3;
 
 use crate::common::load;
+use crate::embedded::Embedded;
 
-struct Embedded {
-    mesh: Mesh,
-    topology: Topology,
-    embedding: Embedding,
-}
-
-impl Embedded {
-    fn new(mesh: Mesh) -> Self {
-        let topology = Topology::new(&mesh);
-        let options = EmbeddingOptions { landmarks: 600, ..EmbeddingOptions::default() };
-        let embedding = Embedding::compute(&mesh, &topology, &options, &Quiet).unwrap();
-        Self { mesh, topology, embedding }
-    }
-
-    fn shape(&self) -> Shape<'_> {
-        Shape { mesh: &self.mesh, topology: &self.topology, embedding: Some(&self.embedding) }
-    }
-
-    fn point(&self, v: u32) -> SurfacePoint {
-        vertex_point(&self.mesh, &self.topology, v, "anchor").unwrap()
-    }
-
-    fn spread(&self, n: usize) -> Vec<u32> {
-        farthest_points(&Geodesics::new(&self.mesh.positions, &self.mesh.triangles()).unwrap(), 0, n)
-    }
+fn embedded(mesh: Mesh) -> Embedded {
+    Embedded::new(mesh, &EmbeddingOptions { landmarks: 600, ..EmbeddingOptions::default() })
 }
 
 /// The built-in strider, which no symmetry maps onto itself, as a source; a copy moved by `by` as
@@ -49,7 +25,7 @@ fn copy(by: impl Fn(DVec3) -> DVec3) -> (Embedded, Embedded) {
     let mut target = source.clone();
     target.positions.iter_mut().for_each(|p| *p = by(*p));
     // The copy keeps the embedding up to what an isometry leaves open: it is computed anew.
-    (Embedded::new(source), Embedded::new(target))
+    (embedded(source), embedded(target))
 }
 
 fn identical(source: &Embedded, target: &Embedded, vertices: &[u32]) -> AnchorPairs {
@@ -123,7 +99,7 @@ fn without_seeds_an_asymmetric_character_finds_itself() {
 #[test]
 fn two_exchanged_pairs_are_named_and_right_ones_are_not() {
     let pair = character_pair();
-    let (source, target) = (Embedded::new(pair.source.mesh.clone()), Embedded::new(pair.target.mesh.clone()));
+    let (source, target) = (embedded(pair.source.mesh.clone()), embedded(pair.target.mesh.clone()));
     let (s, t) = pair.anchors(40);
     let right = AnchorPairs { source: s, target: t };
     assert_eq!(contradicted(source.shape(), target.shape(), &right).unwrap(), []);
@@ -139,7 +115,7 @@ fn two_exchanged_pairs_are_named_and_right_ones_are_not() {
 #[test]
 fn suggestions_lie_where_anchors_are_missing() {
     let pair = character_pair();
-    let (source, target) = (Embedded::new(pair.source.mesh.clone()), Embedded::new(pair.target.mesh.clone()));
+    let (source, target) = (embedded(pair.source.mesh.clone()), embedded(pair.target.mesh.clone()));
     let (s, t) = pair.anchors(24);
     // All anchors on the head and the chest: legs are far from them.
     let highest = |p: &SurfacePoint| p.position(&target.mesh).y;
@@ -183,7 +159,7 @@ fn a_renumbered_copy_in_another_shape_gets_its_own_vertices() {
     for p in &mut other.positions {
         *p = DVec3::new(p.x + 0.1 * (2.0 * p.y).sin(), p.y, p.z * (1.0 + 0.2 * p.y.cos()));
     }
-    let (source, target) = (Embedded::new(source), Embedded::new(other));
+    let (source, target) = (embedded(source), embedded(other));
     let spread = source.spread(8);
     let moved: Vec<u32> = spread.iter().map(|&v| new[v as usize]).collect();
     let mut seeds = AnchorPairs {
@@ -229,7 +205,7 @@ fn a_symmetric_mesh_whose_map_is_unsure_gets_no_vertices() {
                 triangles.push([at(i, j + 1), at(i + 1, j + 1), at(i + 1, j)]);
             }
         }
-        Embedded::new(Mesh::from_triangles("sphere", positions, &triangles).unwrap())
+        embedded(Mesh::from_triangles("sphere", positions, &triangles).unwrap())
     };
     let source = sphere(0.0);
     let proposed = |target: &Embedded| {
@@ -260,7 +236,7 @@ fn eight_seeds_grow_on_real_pairs() {
         ("gt/fox_same/fox_run.obj", "gt/fox_same/fox_rest.obj"),
         ("gt/fox_same/fox_rest.obj", "gt/fox_same/fox_survey.obj"),
     ] {
-        let (source, target) = (Embedded::new(load(source)), Embedded::new(load(target)));
+        let (source, target) = (embedded(load(source)), embedded(load(target)));
         let unit = source.mesh.area().sqrt();
         let field = |pairs: &AnchorPairs| -> f64 {
             let options = CorrespondenceOptions { method: Method::Field, ..CorrespondenceOptions::default() };

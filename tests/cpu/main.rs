@@ -8,6 +8,7 @@ mod browser;
 #[path = "../common/mod.rs"]
 mod common;
 mod control;
+mod embedded;
 mod embedding;
 mod encoding;
 mod field;

@@ -1,57 +1,37 @@
 //! Pairs that are wrong, exchanged or not exact: what the method `field` makes of them, on shapes
 //! made here, whose truth is known.
 
-use barymap::geometry::sampling::farthest_points;
-use barymap::geometry::{Geodesics, March, Mesh, SurfacePoint, Topology};
+use barymap::geometry::{Geodesics, March, Mesh, SurfacePoint};
 use barymap::models::shapes::{Random, lobed_sphere};
-use barymap::progress::Quiet;
-use barymap::surface::anchors::vertex_point;
-use barymap::surface::correspondence::{CorrespondenceOptions, Precision, Shape, correspondence};
+use barymap::surface::correspondence::{CorrespondenceOptions, Precision, correspondence};
 use barymap::surface::field::Contradicted;
-use barymap::surface::{AnchorPairs, Embedding, EmbeddingOptions};
+use barymap::surface::{AnchorPairs, EmbeddingOptions};
 use barymap::tools::vertex_map::vertex_map;
 use glam::DVec3;
 
+use crate::embedded::Embedded;
+
 const ANCHORS: usize = 20;
 
-struct Side {
-    mesh: Mesh,
-    topology: Topology,
-    embedding: Embedding,
+fn embedded(mesh: Mesh) -> Embedded {
+    Embedded::new(mesh, &EmbeddingOptions { landmarks: 400, ..EmbeddingOptions::default() })
 }
 
-impl Side {
-    fn new(mesh: Mesh) -> Self {
-        let topology = Topology::new(&mesh);
-        let options = EmbeddingOptions { landmarks: 400, ..EmbeddingOptions::default() };
-        let embedding = Embedding::compute(&mesh, &topology, &options, &Quiet).unwrap();
-        Self { mesh, topology, embedding }
-    }
-
-    fn shape(&self) -> Shape<'_> {
-        Shape { mesh: &self.mesh, topology: &self.topology, embedding: Some(&self.embedding) }
-    }
-
-    fn point(&self, v: u32) -> SurfacePoint {
-        vertex_point(&self.mesh, &self.topology, v, "anchor").unwrap()
-    }
-
-    /// The vertex nearest to a distance from another, along the surface, over the square root of
-    /// the area.
-    fn at_distance(&self, from: u32, distance: f64) -> u32 {
-        let mut march = March::default();
-        let geodesics = Geodesics::new(&self.mesh.positions, &self.mesh.triangles()).unwrap();
-        geodesics.distances_from(from, &mut march);
-        let unit = self.mesh.area().sqrt();
-        let miss = |v: &u32| (march.distances[*v as usize] / unit - distance).abs();
-        (0..self.mesh.vertex_count() as u32).min_by(|a, b| miss(a).total_cmp(&miss(b))).unwrap()
-    }
+/// The vertex nearest to a distance from another, along the surface, over the square root of the
+/// area.
+fn at_distance(side: &Embedded, from: u32, distance: f64) -> u32 {
+    let mut march = March::default();
+    let geodesics = Geodesics::new(&side.mesh.positions, &side.mesh.triangles()).unwrap();
+    geodesics.distances_from(from, &mut march);
+    let unit = side.mesh.area().sqrt();
+    let miss = |v: &u32| (march.distances[*v as usize] / unit - distance).abs();
+    (0..side.mesh.vertex_count() as u32).min_by(|a, b| miss(a).total_cmp(&miss(b))).unwrap()
 }
 
 /// A lumpy body, and the same bent.
 struct Pair {
-    source: Side,
-    target: Side,
+    source: Embedded,
+    target: Embedded,
     vertices: Vec<u32>,
 }
 
@@ -65,13 +45,13 @@ impl Pair {
             let (sin, cos) = (p.x / radius).sin_cos();
             *p = DVec3::new((radius + p.y) * sin, (radius + p.y) * cos, p.z);
         }
-        let geodesics = Geodesics::new(&bent.positions, &bent.triangles()).unwrap();
-        let vertices = farthest_points(&geodesics, 0, ANCHORS);
-        Self { source: Side::new(straight), target: Side::new(bent), vertices }
+        let target = embedded(bent);
+        let vertices = target.spread(ANCHORS);
+        Self { source: embedded(straight), target, vertices }
     }
 
     fn exact(&self) -> AnchorPairs {
-        let points = |s: &Side| self.vertices.iter().map(|&v| s.point(v)).collect();
+        let points = |s: &Embedded| self.vertices.iter().map(|&v| s.point(v)).collect();
         AnchorPairs { source: points(&self.source), target: points(&self.target) }
     }
 
@@ -113,7 +93,7 @@ fn a_pair_that_is_far_off_is_left_out_and_named_and_exact_pairs_are_not() {
     assert_eq!(pair.map(&exact, &keeping()).0, right, "nothing else changes");
     for (i, by) in [(3, 0.2), (15, 0.6)] {
         let mut anchors = exact.clone();
-        anchors.source[i] = pair.source.point(pair.source.at_distance(pair.vertices[i], by));
+        anchors.source[i] = pair.source.point(at_distance(&pair.source, pair.vertices[i], by));
         let (found, named) = pair.map(&anchors, &default());
         assert_eq!(indices(&named), [i], "pair {i} by {by}");
         assert!((named[0].off - by).abs() < 0.4 * by && named[0].exchanged_with.is_none(), "{named:?}");
@@ -153,7 +133,7 @@ fn pairs_set_by_eye_are_moved_towards_what_the_others_say() {
         let mut anchors = exact.clone();
         for (at, &v) in anchors.source.iter_mut().zip(&pair.vertices) {
             // Some vertex of those about so far away.
-            let near = pair.source.at_distance(v, noise * (0.5 + random.unit()));
+            let near = at_distance(&pair.source, v, noise * (0.5 + random.unit()));
             *at = pair.source.point(near);
         }
         held += pair.map(&anchors, &keeping()).0;
@@ -170,16 +150,16 @@ fn few_pairs_are_all_kept() {
     let pair = Pair::new(4.0);
     let exact = pair.exact();
     let mut few = without(&exact, &(8..ANCHORS).collect::<Vec<_>>());
-    few.source[2] = pair.source.point(pair.source.at_distance(pair.vertices[2], 0.4));
+    few.source[2] = pair.source.point(at_distance(&pair.source, pair.vertices[2], 0.4));
     assert!(pair.map(&few, &default()).1.is_empty());
 }
 
 #[test]
 fn a_pair_that_pulls_the_texture_of_one_mesh_is_kept() {
     let mut pair = Pair::new(4.0);
-    pair.target = Side::new(pair.source.mesh.clone());
+    pair.target = embedded(pair.source.mesh.clone());
     let mut anchors = pair.exact();
-    anchors.source[3] = pair.source.point(pair.source.at_distance(pair.vertices[3], 0.2));
+    anchors.source[3] = pair.source.point(at_distance(&pair.source, pair.vertices[3], 0.2));
     let (pulled, named) = pair.map(&anchors, &default());
     assert!(named.is_empty(), "{named:?}");
     assert_eq!(pulled, pair.map(&anchors, &keeping()).0);
