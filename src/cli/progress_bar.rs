@@ -175,7 +175,7 @@ mod tests {
     fn a_line_comes_every_few_seconds_and_says_how_far() {
         let begun = Instant::now();
         let at = |seconds: u64| begun + Duration::from_secs(seconds);
-        let plan = Plan::new(&[("map", 30.0), ("transfer", 70.0)]);
+        let plan = Plan::new(&[&[("map", 30.0), ("transfer", 70.0)]]);
         let mut state = State { shown: Shown::Lines(begun), begun, stage: String::new(), plan };
         assert_eq!(state.due(at(60)), None, "nothing has begun");
         state.stage = "map".into();
