@@ -20,6 +20,12 @@ use crate::picture::{Image, Pixels};
 /// Decodes a file of this format that may take `most` bytes; errors are sentences.
 pub(super) fn read(bytes: &[u8], format: ImageFormat, most: u64) -> Result<Decoded, Refused> {
     let failed = |e: image::ImageError| format!("the picture cannot be read: {e}");
+    if format == ImageFormat::Png
+        && let Some(asked) = png::too_large_a_profile(bytes)
+    {
+        let (least, allowed) = (if asked < png::COUNTED { "" } else { "at least " }, png::PROFILE);
+        return Err(format!("its colour profile unpacks to {least}{asked} bytes, {allowed} are allowed").into());
+    }
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
     let mut limits = Limits::default();
     limits.max_alloc = Some(if format == ImageFormat::Png { png::beside_pixels(bytes) } else { LARGEST });
@@ -46,7 +52,7 @@ pub(super) fn read(bytes: &[u8], format: ImageFormat, most: u64) -> Result<Decod
             metadata = found;
             notes.extend(animated.then(first_frame));
             if png::has_profile(bytes) && decoder.icc_profile().ok().flatten().is_none() {
-                notes.push("its colour profile is damaged, or far too large, and passed over".into());
+                notes.push("its colour profile is damaged, and passed over".into());
             }
         }
         ImageFormat::Gif => notes.extend(is_animated(GifDecoder::new(Cursor::new(bytes))).then(first_frame)),

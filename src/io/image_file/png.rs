@@ -1,5 +1,7 @@
 //! The chunks of PNG files that say something of the picture.
 
+use std::io::{Read, Write};
+
 use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 
@@ -26,13 +28,43 @@ pub(super) fn chunks(bytes: &[u8]) -> Vec<([u8; 4], &[u8])> {
 }
 
 /// Most bytes of a profile: those of printers have a few millions.
-const PROFILE: u64 = 32 << 20;
+pub(super) const PROFILE: u64 = 32 << 20;
 
 /// Bytes that a decoder may take beside the pixels: two rows, and a profile. A profile is packed,
 /// and a small file could ask for gigabytes.
 pub(super) fn beside_pixels(bytes: &[u8]) -> u64 {
     let width = bytes.get(16..20).and_then(|b| b.try_into().ok()).map_or(0, u32::from_be_bytes);
     PROFILE + 64 * u64::from(width)
+}
+
+/// Bytes that are counted of a profile, at most.
+pub(super) const COUNTED: u64 = 1 << 30;
+
+/// Bytes of a profile once it is unpacked, where they are more than a decoder may take: a small
+/// file could ask for gigabytes. Unpacks it in pieces, and stops at a gigabyte.
+pub(super) fn too_large_a_profile(bytes: &[u8]) -> Option<u64> {
+    let packed = chunks(bytes).into_iter().find(|(name, _)| name == b"iCCP")?.1;
+    // Its name ends with a zero; the method of packing is one byte.
+    let start = packed.iter().position(|&b| b == 0)? + 2;
+    let unpacked = flate2::read::ZlibDecoder::new(packed.get(start..)?);
+    let mut counted = Counted(0);
+    // A damaged one ends where it is damaged.
+    let _ = std::io::copy(&mut unpacked.take(COUNTED), &mut counted);
+    (counted.0 > PROFILE).then_some(counted.0)
+}
+
+/// Bytes that were written here.
+struct Counted(u64);
+
+impl Write for Counted {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.0 += bytes.len() as u64;
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
 }
 
 /// Whether there is a profile, readable or not.
