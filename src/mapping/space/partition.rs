@@ -18,6 +18,8 @@ use crate::progress::Progress;
 
 /// Vertices of all polyhedra of a partition, at most.
 const MAX_VERTICES: u64 = 1 << 24;
+/// Equal steps, at most: a vertex goes through all of them.
+const MOST_EQUAL_STEPS: u32 = 10_000;
 /// The smallest `eps`.
 const LEAST_EPS: f64 = 1e-4;
 /// Pairs of intersecting triangles that are named, per knot.
@@ -172,6 +174,10 @@ fn check(cage: &Cage, options: &PartitionOptions) -> Result<()> {
         PartitionKind::Direct => 1,
         PartitionKind::Uniform(0) => {
             return Err(Error::option("partition", "a uniform partition has no steps", "Give at least 1"));
+        }
+        PartitionKind::Uniform(steps) if steps > MOST_EQUAL_STEPS => {
+            let remedy = format!("Give at most {MOST_EQUAL_STEPS}; binary makes as many as are needed");
+            return Err(Error::option("partition", format!("{steps} steps are too many"), remedy));
         }
         PartitionKind::Uniform(steps) => u64::from(steps),
         _ => (4.0 / options.eps).ceil() as u64,

@@ -32,6 +32,8 @@ const MAX_VERTICES: u64 = 1 << 25;
 /// Bytes that a vertex of a polygon takes: in the partition, in the map made of it, and where steps
 /// are tried.
 const BYTES_PER_VERTEX: u64 = 256;
+/// Equal steps, at most: a pixel goes through all of them, and ten thousand take minutes.
+const MOST_EQUAL_STEPS: u32 = 10_000;
 /// Steps of the last path, at most, whatever `eps` is.
 const MOST_STEPS: usize = 1024;
 /// The last path may be halved down to this part of `eps`: it is slow where it passes thin parts.
@@ -340,6 +342,10 @@ fn check_options(cage: &Cage, options: &PartitionOptions) -> Result<()> {
         PartitionKind::Direct => 1,
         PartitionKind::Uniform(0) => {
             return Err(Error::option("partition", "a uniform partition has no steps", "Give at least 1"));
+        }
+        PartitionKind::Uniform(steps) if steps > MOST_EQUAL_STEPS => {
+            let remedy = format!("Give at most {MOST_EQUAL_STEPS}; binary makes as many as are needed");
+            return Err(Error::option("partition", format!("{steps} steps are too many"), remedy));
         }
         PartitionKind::Uniform(steps) => u64::from(steps),
         _ => ((2.0 / options.eps).ceil() as u64).max(MOST_STEPS as u64),
