@@ -14,6 +14,7 @@ macro_rules! words {
             pub(crate) const ALL: &'static [Self] = &[$(Self::$variant),+];
 
             /// The word of the command line and of reports.
+            #[allow(unreachable_pub, reason = "some of the types are of the command line alone")]
             pub const fn word(self) -> &'static str {
                 match self {
                     $(Self::$variant => $word,)+

@@ -3,13 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use clap::ValueEnum;
 use glam::DVec3;
 use serde_json::json;
 
 use crate::Result;
 use crate::cli::common::{Common, Session, Surface, check_outputs, usage};
 use crate::cli::model_file::{warn_of_loss, write_animation};
+use crate::cli::needs;
 use crate::cli::shard::{Part, Shard, part, shard};
 use crate::cli::verdict::Verdict;
 use crate::encoding::{Quality, SequenceQuality};
@@ -21,6 +21,7 @@ use crate::tools::animate::{
     without_rigid_motion,
 };
 use crate::tools::render::{Coloring, RenderOptions};
+use crate::words::words;
 
 /// Frames per second that are written unless others are asked for.
 const RATE: f64 = 30.0;
@@ -94,12 +95,19 @@ pub(crate) struct Arguments {
     format: FrameFormat,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
+#[derive(Clone, Copy, Debug)]
 enum QualityName {
     Preview,
     Default,
     Fine,
     Converged,
+}
+
+words! { QualityName, "quality", "a quality":
+    Preview => "preview",
+    Default => "default",
+    Fine => "fine",
+    Converged => "converged",
 }
 
 fn reference(text: &str) -> std::result::Result<Reference, String> {
@@ -179,6 +187,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         warn_of_loss(&session, surface.scene.as_deref(), &arguments.output);
     }
     let count = part.len();
+    needs::ANIMATE.check(&surface.mesh, if glb { count } else { 0 })?;
     let format = arguments.format;
     let mut folder = (!glb).then(|| FrameFolder::create(&arguments.output, total, part.start, format)).transpose()?;
     let wanted: Vec<usize> = (0..PICTURES.min(count)).map(|k| k * count / PICTURES.min(count)).collect();

@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
 use serde_json::json;
 
 use crate::Result;
@@ -15,6 +14,7 @@ use crate::io::attribute_table::{
     write_attributes,
 };
 use crate::tools::attributes::{Attribute, AttributeKind, Fill, VertexStatus, transfer_attributes};
+use crate::words::words;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -54,23 +54,26 @@ pub(crate) struct Arguments {
 }
 
 /// Names of the kinds.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum KindName {
-    /// Interpolated linearly
     #[default]
     Scalars,
-    /// As scalars; of a mesh file (PLY, OBJ, OFF, glTF) its vertex colours
     Colors,
-    /// Skin weights: a column for each bone, made to sum to one
     Weights,
-    /// Names as numbers: never mixed
     Labels,
-    /// Vectors in space, turned with the surface
     Vectors,
-    /// Unit vectors; of a PLY file its normals
     Normals,
-    /// Unit vectors along the surface, with handedness in a fourth column
     Tangents,
+}
+
+words! { KindName, "kind", "a kind of data":
+    Scalars => "scalars" "Interpolated linearly",
+    Colors => "colors" "As scalars; of a mesh file (PLY, OBJ, OFF, glTF) its vertex colours",
+    Weights => "weights" "Skin weights: a column for each bone, made to sum to one",
+    Labels => "labels" "Names as numbers: never mixed",
+    Vectors => "vectors" "Vectors in space, turned with the surface",
+    Normals => "normals" "Unit vectors; of a PLY file its normals",
+    Tangents => "tangents" "Unit vectors along the surface, with handedness in a fourth column",
 }
 
 impl Arguments {

@@ -41,6 +41,9 @@ pub(crate) struct Arguments {
     /// Only the targets I, I + N, I + 2 N ... of all, sorted by name and counted from 1
     #[arg(long, default_value = "1/1", value_parser = shard, value_name = "I/N")]
     shard: Shard,
+    /// Count results that are not usable as failed: exit code 4 if some are, 3 if all are
+    #[arg(long)]
+    strict: bool,
     #[command(flatten)]
     method: MethodArguments,
     #[command(flatten)]
@@ -100,15 +103,31 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     worth(&rows).iter().for_each(|line| session.say(line));
     let report = report(&session, &rows);
     session.write_report(&report)?;
-    let failed: Vec<&str> = rows.iter().filter(|r| matches!(r.1, Outcome::Failed(_))).map(|r| r.0).collect();
-    if failed.is_empty() {
-        return Ok(());
-    }
-    let shown = failed.iter().take(10).copied().collect::<Vec<_>>().join(", ");
-    let more = if failed.len() > 10 { ", ..." } else { "" };
-    let what = format!("{} of {} targets failed: {shown}{more}", failed.len(), rows.len());
-    let remedy = "Mend what the notes above say and run the command again: only what is not done is tried";
-    if failed.len() == rows.len() {
+    fail(&rows, arguments.strict)
+}
+
+/// Fails where targets did, and with `strict` where results are not usable.
+///
+/// # Errors
+/// [`Error::Unusable`] if all of them are so, [`Error::Incomplete`] if some are.
+fn fail(rows: &[(&str, Outcome, f64)], strict: bool) -> Result<()> {
+    let named =
+        |wrong: &dyn Fn(&Outcome) -> bool| -> Vec<&str> { rows.iter().filter(|r| wrong(&r.1)).map(|r| r.0).collect() };
+    let failed = named(&|outcome| matches!(outcome, Outcome::Failed(_)));
+    let unusable = named(&|outcome| strict && outcome.is_unusable());
+    let sentence = |which: &[&str], what: &str| {
+        let shown = which.iter().take(10).copied().collect::<Vec<_>>().join(", ");
+        let more = if which.len() > 10 { ", ..." } else { "" };
+        (!which.is_empty()).then(|| format!("{} of {} {what}: {shown}{more}", which.len(), rows.len()))
+    };
+    let told = [sentence(&failed, "targets failed"), sentence(&unusable, "results are not usable")];
+    let what = told.into_iter().flatten().collect::<Vec<_>>().join("; ");
+    let remedy = match (failed.is_empty(), unusable.is_empty()) {
+        (true, true) => return Ok(()),
+        (true, false) => "Add pairs to the targets that the lines above name",
+        _ => "Mend what the notes above say and run the command again: only what is not done is tried",
+    };
+    if failed.len() + unusable.len() == rows.len() {
         return Err(Error::unusable(what, remedy));
     }
     Err(Error::Incomplete { what, remedy: remedy.into() })
@@ -251,6 +270,10 @@ impl Outcome {
             Self::Skipped(_) => "skipped",
             Self::Failed(_) => "failed",
         }
+    }
+
+    fn is_unusable(&self) -> bool {
+        self.measures().is_some_and(|report| report["verdict"]["word"] == "not usable")
     }
 
     fn measures(&self) -> Option<&Value> {

@@ -6,6 +6,7 @@ use serde_json::json;
 
 use crate::Result;
 use crate::cli::common::{Common, EmbeddingArguments, Session, check_outputs};
+use crate::cli::side::OfPairs;
 use crate::surface::correspondence::CorrespondenceOptions;
 use crate::tools::cover::cover;
 
@@ -13,9 +14,11 @@ use crate::tools::cover::cover;
 pub(crate) struct Arguments {
     /// The mesh
     mesh: PathBuf,
-    /// Its anchors
+    /// Its anchors, or pairs, of which it has one side
     #[arg(long)]
     anchors: PathBuf,
+    #[command(flatten)]
+    of_pairs: OfPairs,
     /// A coloured mesh (PLY): green where points return, red where they do not
     #[arg(long, short)]
     output: Option<PathBuf>,
@@ -30,7 +33,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     check_outputs(arguments.output.as_deref())?;
     let mut session = Session::start(common)?;
     let mut surface = session.mesh(&arguments.mesh)?;
-    let list = crate::io::anchors::read_single(&arguments.anchors)?;
+    let list = arguments.of_pairs.read(&arguments.anchors)?;
     let anchors = session.find(&surface, &list)?;
     session.embed(&mut surface, &arguments.embedding.options())?;
     let found = cover(surface.shape(), &anchors, arguments.suggest.min(1000), &CorrespondenceOptions::default())?;

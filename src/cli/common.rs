@@ -18,14 +18,14 @@ use crate::progress::Progress;
 use crate::surface::Sampling;
 use crate::surface::{AnchorPairs, EmbeddingOptions};
 use crate::tools::stopwatch::{StageTime, Stopwatch};
-use crate::{Error, Result, control, memory};
+use crate::{Error, Result, memory};
 use clap::Args;
 use serde_json::{Value, json};
 
 use crate::cli::machine::Machine;
 use crate::cli::plan::Stages;
 use crate::cli::progress_bar::Bars;
-use crate::cli::streams::stdout_taken;
+use crate::cli::streams::{as_given, stdout_taken};
 use crate::cli::told::Told;
 
 /// Options of every command.
@@ -125,9 +125,10 @@ fn weld(text: &str) -> std::result::Result<Weld, String> {
     }
 }
 
-/// A line on stdout, or on stderr where stdout holds a result. Where nobody reads it any more (`barymap ... | head -1`), the work goes on
-/// without it.
+/// A line on stdout, or on stderr where stdout holds a result. Where nobody reads it any more
+/// (`barymap ... | head -1`), the work goes on without it.
 pub(crate) fn line(text: &str) {
+    let text = as_given(text);
     // There is nobody to tell that nobody listens.
     let _ = match stdout_taken() {
         true => writeln!(std::io::stderr(), "{text}"),
@@ -137,27 +138,13 @@ pub(crate) fn line(text: &str) {
 
 /// A note on stderr, as [`line`].
 pub(crate) fn note(text: &str) {
-    let _ = writeln!(std::io::stderr(), "note: {text}");
-}
-
-/// Does a piece of work with the memory that is left of the limit, `there` more of which it counts
-/// as its own though it is in use; where that is too little, the error counts what the process has
-/// already.
-pub(crate) fn with_what_is_left<T>(common: &Common, there: u64, work: impl FnOnce(u64) -> Result<T>) -> Result<T> {
-    let left = control::left().saturating_add(there);
-    work(left).map_err(|error| match error {
-        Error::Memory { what, required, allowed } if allowed == left => {
-            let used = common.memory.saturating_sub(left);
-            Error::Memory { what, required: required.saturating_add(used), allowed: common.memory }
-        }
-        error => error,
-    })
+    let _ = writeln!(std::io::stderr(), "note: {}", as_given(text));
 }
 
 /// Tells why the command ends, on stderr; returns its exit code.
 pub(crate) fn failed(error: Error) -> u8 {
     let error = crate::cli::as_option(error);
-    let _ = writeln!(std::io::stderr(), "barymap: {error}");
+    let _ = writeln!(std::io::stderr(), "barymap: {}", as_given(&error.to_string()));
     crate::cli::code(&error)
 }
 

@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
 use serde_json::json;
 
-use crate::cli::common::{Common, Session, Surface, check_outputs, size, usage, with_what_is_left};
+use crate::cli::common::{Common, Session, Surface, check_outputs, size, usage};
+use crate::cli::needs::{Room, with_what_is_left};
 use crate::cli::pictures::Quality;
 use crate::geometry::Placement;
 use crate::io::AnchorSpec;
@@ -160,7 +160,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     tell(&session, arguments, &made, texels);
     let r = &made.report;
     let mut report = session.report("decal");
-    report["layout"] = json!(arguments.layout.to_possible_value().map(|v| v.get_name().to_owned()));
+    report["layout"] = json!(arguments.layout);
     report["anchors"] = json!(anchors.points.len());
     report["faces"] = json!(made.patch.len());
     report["area"] = json!(r.area);
@@ -231,7 +231,15 @@ fn draw(
     // A decal is drawn where the material shows the texel.
     let mesh = &surface.mesh;
     let placements: Vec<Placement> = mesh.materials.iter().map(|m| m.base_color_placement).collect();
-    let painted = with_what_is_left(session.common, 0, |memory| {
+    // The decal is laid upon a texture, which makes a third picture.
+    let texels = u64::from(width) * u64::from(height);
+    let [base_channels, depth] = match &texture {
+        Some(t) => [u64::from(t.channels), t.depth().bytes() as u64],
+        None => [4, picture.depth().bytes() as u64],
+    };
+    let made_here = if texture.is_some() { 0 } else { texels * base_channels * depth };
+    let room = Room { after: made_here + texels * base_channels.max(3) * depth, ..Room::default() };
+    let painted = with_what_is_left(session.common, room, |memory| {
         let options = PaintOptions { memory, ..options };
         paint_placed(&session.engine, mesh, &placements, made, picture, &options, session.progress())
     })?;

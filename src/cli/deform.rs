@@ -2,15 +2,16 @@
 
 use std::path::PathBuf;
 
-use clap::ValueEnum;
 use serde_json::json;
 
 use crate::Result;
 use crate::cli::common::{Common, Session, check_outputs, usage};
 use crate::cli::model_file::{ModelFormat, New, write_model};
+use crate::cli::needs;
 use crate::encoding::{HierarchyOptions, Quality};
 use crate::io::{check_handles, read_handles_on, read_vertices_on};
 use crate::tools::deform::{Deformer, Handles};
+use crate::words::words;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -39,16 +40,19 @@ pub(crate) struct Arguments {
 }
 
 /// Names of the qualities.
-#[derive(Clone, Copy, Debug, ValueEnum)]
+#[derive(Clone, Copy, Debug)]
 enum QualityName {
-    /// Vertex splits only
     Splits,
-    /// Coarse stages solved, then splits
     Preview,
-    /// Coarse stages solved, two inexact steps on finer ones
     Default,
-    /// To the minimum
     Converged,
+}
+
+words! { QualityName, "quality", "a quality":
+    Splits => "splits" "Vertex splits only",
+    Preview => "preview" "Coarse stages solved, then splits",
+    Default => "default" "Coarse stages solved, two inexact steps on finer ones",
+    Converged => "converged" "To the minimum",
 }
 
 pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
@@ -62,6 +66,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     }
     let mut session = Session::start(common)?;
     let surface = session.mesh(&arguments.mesh)?;
+    needs::DEFORM.check(&surface.mesh, 0)?;
     let handles = read_handles_on(&arguments.handles, &surface.mesh)?;
     let region = arguments.roi.as_ref().map(|path| read_vertices_on(path, &surface.mesh)).transpose()?;
     check_handles(&arguments.handles, &surface.mesh, &handles)?;

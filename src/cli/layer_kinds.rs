@@ -1,11 +1,10 @@
 //! What the layers of a transfer mean, as the command line says it.
 
-use clap::ValueEnum;
-
 use crate::Result;
 use crate::cli::common::usage;
 use crate::desk::Textures;
 use crate::tools::transfer::{LayerKind, NormalY, Relief};
+use crate::words::words;
 
 /// Meanings of the layers.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -24,18 +23,21 @@ pub(crate) struct LayerKinds {
 }
 
 /// Names of the kinds.
-#[derive(Clone, Copy, Debug, ValueEnum)]
+#[derive(Clone, Copy, Debug)]
 enum KindName {
-    /// Averaged
     Color,
-    /// Nearest texel, never mixed
     Labels,
-    /// Tangent-space normals
     Normal,
-    /// Object-space normals
     NormalObject,
-    /// Heights
     Displacement,
+}
+
+words! { KindName, "kind", "a kind of texture":
+    Color => "color" "Averaged",
+    Labels => "labels" "Nearest texel, never mixed",
+    Normal => "normal" "Tangent-space normals",
+    NormalObject => "normal-object" "Object-space normals",
+    Displacement => "displacement" "Heights",
 }
 
 impl LayerKinds {

@@ -2,6 +2,7 @@
 
 use crate::Result;
 use crate::cli::common::{EmbeddingArguments, Session, Surface};
+use crate::cli::needs;
 use crate::desk::{Choice, correspond};
 use crate::surface::correspondence::Method;
 use crate::surface::field::Contradicted;
@@ -71,6 +72,9 @@ pub(crate) fn prepare(
     embedding: &EmbeddingArguments,
 ) -> Result<Box<dyn PointMap + Send>> {
     let (choice, options) = (method.choice(), embedding.options());
+    if choice.relax.unwrap_or(choice.method == Method::Field) {
+        needs::check_field(&source.mesh, &target.mesh)?;
+    }
     if choice.options()?.method.needs_embedding() {
         session.embed(source, &options)?;
         session.embed(target, &options)?;

@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
 use glam::DVec3;
 use serde_json::{Value, json};
 
 use crate::cli::common::{Common, EmbeddingArguments, Session, Surface, anchor_pairs, check_outputs, usage};
 use crate::cli::method::{MethodArguments, prepare};
 use crate::cli::model_file::{ModelFormat, New, warn_of_loss, write_animation, write_model};
+use crate::cli::needs;
 use crate::encoding::{DecodeReport, HierarchyOptions, MarchQuality};
 use crate::geometry::Mesh;
 use crate::geometry::weld::weld_alike;
@@ -17,7 +17,8 @@ use crate::surface::AnchorPairs;
 use crate::tools::animate::frames::{FrameFolder, FrameFormat};
 use crate::tools::cage::pose;
 use crate::tools::morph::{CompatibleReport, FrameReport, FrameWatch, Morpher, compatible_mesh, without_normals};
-use crate::{Error, Result, control};
+use crate::words::words;
+use crate::{Error, Result};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -69,14 +70,17 @@ pub(crate) struct Arguments {
 }
 
 /// Names of the qualities.
-#[derive(Clone, Copy, Debug, ValueEnum)]
+#[derive(Clone, Copy, Debug)]
 enum QualityName {
-    /// Coarse stages solved, then vertex splits
     Preview,
-    /// One direct step on the whole mesh; of several frames conjugate gradients
     Default,
-    /// To the minimum
     Converged,
+}
+
+words! { QualityName, "quality", "a quality":
+    Preview => "preview" "Coarse stages solved, then vertex splits",
+    Default => "default" "One direct step on the whole mesh; of several frames conjugate gradients",
+    Converged => "converged" "To the minimum",
 }
 
 impl QualityName {
@@ -145,15 +149,15 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     }
     let anchors = arguments.anchors.as_ref().map(|path| read_vertices_on(path, &meshes[0])).transpose()?;
     let borrowed: Vec<&Mesh> = meshes.iter().collect();
+    // Ends of a sequence are there already.
+    let need = if single || count > 2 { needs::MORPH } else { needs::ENDS };
+    need.check(&meshes[0], if glb { count } else { 0 })?;
     let mut morpher = Morpher::new(&borrowed, anchors.as_deref(), &HierarchyOptions::default())?;
     for warning in &morpher.warnings {
         session.warn(&format!("{}: {warning}", morpher.name()));
     }
     let mask =
         arguments.mask.as_ref().map(|path| read_mask(path, meshes[0].vertex_count(), meshes.len())).transpose()?;
-    if glb {
-        check_frames(count, meshes[0].vertex_count())?;
-    }
     session.watch.lap("prepare");
     // Normals of an in-between would be wrong: readers make their own.
     let mut mesh = without_normals(&meshes[0]);
@@ -228,14 +232,6 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     report["anchors"] = json!(morpher.anchors());
     report["frames"] = told.into();
     session.write_report(&report)
-}
-
-/// Fails if the frames of a GLB, which are in memory together, take more than is allowed.
-fn check_frames(count: usize, vertices: usize) -> Result<()> {
-    // A position as it is computed, and as the file has it.
-    let bytes = (size_of::<DVec3>() + size_of::<[f32; 3]>()) as u64;
-    let required = bytes.saturating_mul(count as u64).saturating_mul(vertices as u64);
-    control::require(required, || format!("{count} frames of {vertices} vertices in a GLB"))
 }
 
 fn write_mesh(session: &Session<'_>, mesh: &Mesh, path: &Path) -> Result<()> {

@@ -75,8 +75,8 @@ fn spelt(argument: &Arg) -> String {
 }
 
 /// Fails for a file that would be written twice, and for one that is read and written unless
-/// `--overwrite` is given. Makes the folder of an output that is new in one that is there; returns
-/// those that were made.
+/// `--overwrite` is given. Makes the folders of outputs that are missing; returns those that were
+/// made, the innermost first.
 ///
 /// # Errors
 /// [`Error::Option`] that names both arguments.
@@ -115,20 +115,25 @@ pub(crate) fn check(program: &Command, matches: &ArgMatches, overwrite: bool) ->
             return Err(Error::option(option, what, "Name another file, or give --overwrite"));
         }
     }
-    written.iter().filter_map(|(place, _)| make_folder(place).transpose()).collect()
+    let mut made = Vec::new();
+    written.iter().try_for_each(|(place, _)| make_folders(place, &mut made))?;
+    made.reverse();
+    Ok(made)
 }
 
-/// Makes the folder of `place` if only it is missing.
-fn make_folder(place: &Path) -> Result<Option<PathBuf>> {
-    let Some(folder) = place.parent() else { return Ok(None) };
+/// Makes the folders above `place` that are missing, the outermost first.
+fn make_folders(place: &Path, made: &mut Vec<PathBuf>) -> Result<()> {
     // Places to fill in are known later.
-    let known = !place.to_string_lossy().contains(['<', '%']);
-    if known && !folder.exists() && folder.parent().is_some_and(Path::is_dir) {
+    if place.to_string_lossy().contains(['<', '%']) {
+        return Ok(());
+    }
+    let mut missing: Vec<&Path> = place.ancestors().skip(1).take_while(|folder| !folder.exists()).collect();
+    while let Some(folder) = missing.pop().filter(|folder| !folder.as_os_str().is_empty()) {
         std::fs::create_dir(folder)
             .map_err(|e| Error::io(folder, e, "Check the permissions of the folder that it is in"))?;
-        return Ok(Some(folder.to_path_buf()));
+        made.push(folder.to_path_buf());
     }
-    Ok(None)
+    Ok(())
 }
 
 /// Whether the word before a value says that it is written: `-o`, `--report`.

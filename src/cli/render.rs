@@ -1,12 +1,10 @@
 //! `barymap render`: a shaded picture of a mesh.
 
-use std::path::{Path, PathBuf};
-
-use clap::ValueEnum;
+use std::path::PathBuf;
 
 use crate::cli::common::{Common, Session, check_outputs, size};
+use crate::cli::side::OfPairs;
 use crate::desk::{Textures, own_textures};
-use crate::io::anchors::{AnchorList, read_pairs, read_single};
 use crate::tools::render::{Coloring, PlacedTexture, RenderOptions, render};
 use crate::{Error, Result};
 
@@ -20,9 +18,8 @@ pub(crate) struct Arguments {
     /// Anchors to draw: those of this mesh, or pairs of which --side is drawn
     #[arg(long)]
     anchors: Option<PathBuf>,
-    /// Which mesh of pairs of anchors this is: the source if not given
-    #[arg(long, value_enum, requires = "anchors")]
-    side: Option<Side>,
+    #[command(flatten)]
+    of_pairs: OfPairs,
     /// Write each anchor's number beside it
     #[arg(long)]
     numbers: bool,
@@ -40,24 +37,6 @@ pub(crate) struct Arguments {
     output: PathBuf,
 }
 
-/// A mesh of a pair.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Side {
-    Source,
-    Target,
-}
-
-/// The anchors of a file for one mesh, or of one side of pairs.
-fn anchors_of(path: &Path, side: Option<Side>) -> Result<AnchorList> {
-    if side.is_none()
-        && let Ok(single) = read_single(path)
-    {
-        return Ok(single);
-    }
-    let pairs = read_pairs(&path.to_string_lossy())?;
-    Ok(if side == Some(Side::Target) { pairs.target } else { pairs.source })
-}
-
 pub(crate) fn view(text: &str) -> std::result::Result<(f64, f64), String> {
     let wrong = || format!("{text:?} is no view: write azimuth,elevation in degrees, for example 20,8");
     let (a, e) = text.split_once(',').ok_or_else(wrong)?;
@@ -71,7 +50,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let surface = session.mesh(&arguments.mesh)?;
     session.warn_of_up(&surface.mesh);
     let anchors = match &arguments.anchors {
-        Some(path) => session.find(&surface, &anchors_of(path, arguments.side)?)?,
+        Some(path) => session.find(&surface, &arguments.of_pairs.read(path)?)?,
         None => Vec::new(),
     };
     let single = arguments.texture.as_ref().map(|p| Ok(session.texture(p)?.image)).transpose()?;

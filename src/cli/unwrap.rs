@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use crate::Result;
 use crate::cli::common::{Common, Session, Surface, check_outputs, usage};
 use crate::cli::model_file::{ModelFormat, New, write_model};
+use crate::cli::needs;
 use crate::geometry::texcoords::{Findings, Islands, findings};
 use crate::geometry::{Mesh, NONE};
 use crate::picture::{Image, Pixels};
@@ -114,6 +115,7 @@ fn unwrap_surface(
     margin: u32,
     angle: Angle,
 ) -> Result<UnwrapReport> {
+    needs::UNWRAP.check(&surface.mesh, 0)?;
     // On a small texture a wide margin would leave no room for the charts.
     let gap = margin.clamp(1, (size / 64).max(2));
     if gap < margin {

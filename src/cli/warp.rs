@@ -7,7 +7,8 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 
 use crate::cli::cage_map::{CageMap, MappingArguments};
-use crate::cli::common::{Common, Session, check_outputs, size, usage, with_what_is_left};
+use crate::cli::common::{Common, Session, check_outputs, size, usage};
+use crate::cli::needs::{Room, with_what_is_left};
 use crate::cli::pictures::Quality;
 use crate::cli::repeated::Repeated;
 use crate::cli::shard::{Part, Shard, part, shard};
@@ -117,7 +118,7 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         let started = std::time::Instant::now();
         let jacobian = arguments.heatmap.is_some() && k + 1 == frames.list.len();
         let mut options = WarpOptions { jacobian, ..options.clone() };
-        let mut warped = with_what_is_left(common, bytes(&image), |memory| {
+        let mut warped = with_what_is_left(common, Room { there: bytes(&image), after: 0 }, |memory| {
             options.memory = memory;
             warp_picture(&session.engine, &image, &frame.map, &options, &progress)
         })?;

@@ -79,17 +79,21 @@ fn each_target_gets_what_a_transfer_gives() {
 #[test]
 fn what_is_not_usable_is_named_with_its_reason() {
     let f = targets(&["a", "b"]);
-    // Each pair of the second says the opposite of the one before it.
-    let turned = std::cell::Cell::new(false);
-    f.anchors("in/b.json", 40, |p| if turned.replace(!turned.get()) { -p } else { p });
+    f.wrong_anchors("in/b.json", 40);
     let ran = f.run(&format!("{BATCH} -o out --report r.json")).succeeds();
     let verdict = f.json("r.json")["items"][1]["report"]["verdict"].clone();
-    assert_ne!(verdict["word"], "good", "{verdict}");
+    assert_eq!(verdict["word"], "not usable", "{verdict}");
     let line = ran.stdout.lines().find(|l| l.starts_with("b: ")).unwrap_or_else(|| panic!("{}", ran.stdout));
     assert!(line.contains(verdict["because"][0].as_str().unwrap()), "{line}");
     // What is there already is judged as when it was made.
     let again = f.run(&format!("{BATCH} -o out")).succeeds();
     assert!(again.stdout.contains("2 skipped") && again.stdout.contains(line), "{}", again.stdout);
+    f.run(&format!("{BATCH} -o out --strict")).fails(4, &["1 of 2 results are not usable: b", "Add pairs"]);
+    f.wrong_anchors("in/a.json", 40);
+    f.run(&format!("{BATCH} -o out --strict")).fails(3, &["2 of 2 results are not usable: a, b"]);
+    f.write("in/a.obj", "v 0 0 0\n");
+    let ran = f.run(&format!("{BATCH} -o out --strict"));
+    ran.fails_like(3, &["1 of 2 targets failed: a; 1 of 2 results are not usable: b"]);
 }
 
 #[test]

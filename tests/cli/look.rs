@@ -100,5 +100,11 @@ fn a_new_folder_of_an_output_is_made() {
     let f = pictured();
     f.run(&format!("{WARP} -o new/w.png")).succeeds();
     assert!(f.path("new/w.png").is_file());
-    f.run(&format!("{WARP} -o no/such/w.png")).fails(1, &["no/such"]);
+    f.run(&format!("{WARP} -o a/new/one/w.png")).succeeds();
+    assert!(f.path("a/new/one/w.png").is_file());
+    // One that nothing was written to goes.
+    f.run("warp nothing.png --cage c.json -o b/new/w.png").fails(1, &["nothing.png"]);
+    assert!(!f.path("b").exists());
+    f.write("file", "");
+    f.run(&format!("{WARP} -o file/w.png")).fails(1, &["file"]);
 }

@@ -272,8 +272,15 @@ fn what_cannot_fit_is_refused_with_the_number() {
         "cage.json",
         r#"{"source": [[0, 0], [128, 0], [128, 128], [0, 128]], "target": [[0, 0], [100, 0], [128, 128], [0, 128]]}"#,
     );
-    let ran = f.run("warp s.png --cage cage.json --partition uniform:1000000 --memory 512M -o w.png");
-    ran.fails(1, &["1000000 steps", "bytes", "--memory"]);
+    let ran = f.run("warp s.png --cage cage.json --partition uniform:1000000 -o w.png");
+    ran.fails(2, &["--partition", "1000000 steps", "at most 10000"]);
+    let circle = |radius: f64| -> Vec<[f64; 2]> {
+        let corner = |k: usize| f64::sin_cos(k as f64 * std::f64::consts::TAU / 8000.0);
+        (0..8000).map(corner).map(|(s, c)| [64.0 + radius * c, 64.0 + radius * s]).collect()
+    };
+    f.write("circle.json", &serde_json::json!({"source": circle(60.0), "target": circle(50.0)}).to_string());
+    let ran = f.run("warp s.png --cage circle.json --partition uniform:2000 --memory 512M -o w.png");
+    ran.fails(1, &["2000 steps of 8000 vertices", "bytes", "--memory"]);
     f.run("warp s.png --cage cage.json --partition uniform:10 -o w.png").succeeds();
     f.run("morph s.obj s.obj --frames 100000 -o frames").fails(2, &["--frames", "10000"]);
     f.run("morph s.obj s.obj --frames 10000 --memory 10M -o m.glb").fails(1, &["10000 frames", "bytes"]);
@@ -282,10 +289,10 @@ fn what_cannot_fit_is_refused_with_the_number() {
 #[test]
 fn a_primitive_that_is_repeated_is_counted_before_it_is_read() {
     let f = Folder::empty();
-    // 1000 vertices, shown by 20,000 primitives.
+    // 1000 vertices, shown by 100,000 primitives.
     let positions: Vec<u8> = (0..3000).flat_map(|k| ((k * k % 97) as f32).to_le_bytes()).collect();
     std::fs::write(f.path("p.bin"), &positions).unwrap();
-    let primitives = vec![r#"{"attributes": {"POSITION": 0}}"#; 20_000].join(",");
+    let primitives = vec![r#"{"attributes": {"POSITION": 0}}"#; 100_000].join(",");
     f.write(
         "g.gltf",
         &format!(

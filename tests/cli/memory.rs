@@ -1,8 +1,11 @@
 //! `--memory` bounds the whole process, or the work is refused with the number.
 
-use barymap::io::write_image;
-use barymap::models::shapes::uv_sphere;
+use std::path::PathBuf;
+
+use barymap::io::{write_image, write_obj};
+use barymap::models::shapes::{Diagonal, plane_grid, uv_sphere};
 use barymap::picture::{Image, Pixels};
+use serde_json::{Value, json};
 
 use crate::support::{Folder, Ran};
 
@@ -28,18 +31,138 @@ fn fault(ran: &Ran, limit: u64, on_device: bool) -> Option<String> {
     }
 }
 
-/// Runs a command under each limit. At the largest it must succeed, or nothing would be shown.
+/// Runs a command, with the limit in place of LIMIT, under each of them. At the largest it must
+/// succeed, or nothing would be shown.
 #[track_caller]
 fn check(f: &Folder, command: &str, on_device: bool) {
     let mut told = Vec::new();
     for (text, limit) in LIMITS {
-        let ran = f.run(&format!("{command} --no-cache --memory {text}"));
+        let ran = f.run(&format!("{} --no-cache --memory {text}", command.replace("LIMIT", text)));
         let fault = fault(&ran, limit, on_device);
         told.push(format!("{text}: {} MiB, {:?}", ran.peak_memory.unwrap_or(0) / MIB, ran.code));
         assert!(fault.is_none(), "{command}: {text}: {fault:?}");
         assert!(limit < 4096 || ran.code == Some(0), "{command}: {told:?} {}", ran.stderr);
     }
     println!("{command}: {}", told.join("; "));
+}
+
+/// Runs a command that is too large for 250M: it is refused with the number, before work begins.
+#[track_caller]
+fn check_refused(f: &Folder, command: &str, words: &[&str]) {
+    let ran = f.run(&format!("{command} --no-cache --memory 250M"));
+    ran.fails_like(1, &[words, &["bytes, 262144000 are allowed. Raise --memory"]].concat());
+    // What no estimate foresaw ends with these words.
+    assert!(!ran.message().contains("the work so far"), "{command}: {}", ran.stderr);
+    assert!(ran.peak_memory.is_none_or(|peak| peak < 250 * MIB), "{command}: {:?}", ran.peak_memory);
+}
+
+/// `NAME.obj`, a sphere of about so many vertices, `NAME.json` with handles on it, `NAME.csv` with
+/// a clip of four frames, and `NAME_markers.json`.
+fn sphere(f: &Folder, name: &str, vertices: usize) {
+    let slices = (vertices as f64 * 2.0).sqrt() as usize;
+    let mesh = uv_sphere(1.0, slices, vertices / slices);
+    write_obj(&mesh, f.path(&format!("{name}.obj"))).unwrap();
+    let held: Vec<usize> = (0..12).map(|k| k * (mesh.vertex_count() - 1) / 11).collect();
+    let at = |v: usize, frame: usize| (mesh.positions[v] * (1.0 + 0.02 * frame as f64)).to_array();
+    let handles: Vec<Value> =
+        held.iter().map(|&v| json!({"vertex": v, "position": at(v, usize::from(v == 0))})).collect();
+    f.write(&format!("{name}.json"), &json!({"handles": handles}).to_string());
+    let markers: serde_json::Map<String, Value> = held.iter().map(|v| (format!("M{v}"), json!(v))).collect();
+    f.write(&format!("{name}_markers.json"), &Value::Object(markers).to_string());
+    let mut clip = String::from("time,marker,x,y,z\n");
+    for (frame, v) in (0..4).flat_map(|frame| held.iter().map(move |v| (frame, *v))) {
+        let [x, y, z] = at(v, frame);
+        clip += &format!("{},M{v},{x},{y},{z}\n", frame as f64 / 30.0);
+    }
+    f.write(&format!("{name}.csv"), &clip);
+    let rows: String = mesh.positions.iter().map(|p| format!("{}\n", p.x)).collect();
+    f.write(&format!("{name}_data.csv"), &format!("a\n{rows}"));
+}
+
+/// Commands on a mesh of the name NAME.
+const ON_MESHES: [&str; 5] = [
+    "deform NAME.obj --handles NAME.json -o o.ply --backend cpu",
+    "animate NAME.obj --motion NAME.csv --markers NAME_markers.json --reference 0 -o o.glb --backend cpu",
+    "morph NAME.obj NAME.obj --frames 3 -o o.glb",
+    "attributes --source NAME.obj --target NAME.obj --anchors pairs.json --attributes NAME_data.csv -o o.csv --backend cpu",
+    "unwrap NAME.obj -o o.obj",
+];
+
+/// Twelve pairs of directions, which are near vertices of any of the spheres.
+fn pairs(f: &Folder) {
+    f.anchors("pairs.json", 12, |p| p);
+    let mut all = f.json("pairs.json");
+    all["target"] = all["source"].clone();
+    f.write("pairs.json", &all.to_string());
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn work_on_meshes_stays_within_the_limit() {
+    let f = Folder::empty();
+    pairs(&f);
+    sphere(&f, "small", 6000);
+    for command in ON_MESHES {
+        check(&f, &format!("{} --overwrite", command.replace("NAME", "small")), false);
+    }
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn work_on_meshes_is_allowed_just_below_the_limit_and_stays_within_it() {
+    let f = Folder::empty();
+    // 262,144,000 bytes over those that a vertex takes, less a little.
+    for (vertices, command) in [78_000, 49_000, 34_000].into_iter().zip(ON_MESHES) {
+        sphere(&f, "edge", vertices);
+        let ran = f.run(&format!("{} --no-cache --memory 250M", command.replace("NAME", "edge"))).succeeds();
+        assert_eq!(fault(&ran, 250, false), None, "{command}");
+        println!("{command}: {vertices} vertices: {} MiB", ran.peak_memory.unwrap_or(0) / MIB);
+    }
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn work_on_large_meshes_is_refused_before_it_begins() {
+    let f = Folder::empty();
+    pairs(&f);
+    sphere(&f, "large", 205_000);
+    for command in ON_MESHES {
+        check_refused(&f, &command.replace("NAME", "large"), &["large.obj", " vertices"]);
+    }
+    check_refused(&f, "render large.obj --size 8192 -o o.png", &["8192 x 8192"]);
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn decals_and_batches_stay_within_the_limit() {
+    let f = Folder::empty();
+    f.run("demo --size 256 --backend cpu").succeeds();
+    std::fs::create_dir(f.path("in")).unwrap();
+    std::fs::copy(f.path("out/target.obj"), f.path("in/a.obj")).unwrap();
+    std::fs::copy(f.path("out/pairs.json"), f.path("in/a.json")).unwrap();
+    check(&f, "batch --source out/source.obj --targets in -o done-LIMIT --size 2048 --backend cpu", false);
+    write_obj(&plane_grid(20, 20, 1.0, 1.0, Diagonal::Alternating), f.path("plane.obj")).unwrap();
+    let corner = |x: f64, y: f64| json!({"position": [x, y, 0]});
+    let corners = [corner(0.2, 0.2), corner(0.8, 0.2), corner(0.8, 0.8), corner(0.2, 0.8)];
+    f.write("corners.json", &json!({"anchors": corners}).to_string());
+    let decal = "decal plane.obj --anchors corners.json --image out/demo.png -o o.png --backend cpu";
+    check(&f, &format!("{decal} --size 2048"), false);
+    check_refused(&f, &format!("{decal} --size 8192"), &["8192 x 8192"]);
+    // The texture fits, a decal upon it and the result do not.
+    let texture = Image::zeros(8000, 5000, 3, barymap::picture::Depth::U8).unwrap();
+    write_image(&texture, f.path("black.png")).unwrap();
+    check_refused(&f, &format!("{decal} --texture black.png"), &["8000 x 5000"]);
+}
+
+#[test]
+#[ignore = "needs BARYMAP_DATA"]
+#[cfg(target_os = "linux")]
+fn a_motion_of_a_real_mesh_stays_within_the_limit() {
+    let data = PathBuf::from(std::env::var_os("BARYMAP_DATA").expect("BARYMAP_DATA names the folder of real models"));
+    let f = Folder::empty();
+    // 49,999 vertices.
+    let (mesh, clip) = (data.join("mesh/koala_100k.obj"), data.join("mocap/mh_walk1.bvh"));
+    check(&f, &format!("animate {} --motion {} --end 4 -o o.glb --overwrite", mesh.display(), clip.display()), false);
 }
 
 /// A picture of noise, which no codec makes small.
@@ -80,7 +203,7 @@ fn a_transfer_on_a_device_stays_within_the_limit() {
 #[cfg(target_os = "linux")]
 fn an_embedding_stays_within_the_limit() {
     let f = Folder::empty();
-    barymap::io::write_obj(&uv_sphere(1.0, 400, 190), f.path("s.obj")).unwrap();
+    write_obj(&uv_sphere(1.0, 400, 190), f.path("s.obj")).unwrap();
     check(&f, "embed s.obj -o e.npy", false);
 }
 
@@ -143,7 +266,7 @@ fn chunks(png: &[u8], name: &[u8; 4]) -> Vec<u8> {
 
 #[test]
 #[cfg(target_os = "linux")]
-fn a_profile_that_unpacks_to_very_much_is_passed_over() {
+fn a_profile_that_unpacks_to_very_much_is_refused_with_the_number() {
     let f = Folder::spheres();
     // The packed pixels of a black picture are a profile of 256 MB.
     write_image(&Image::zeros(16_000, 16_000, 1, barymap::picture::Depth::U8).unwrap(), f.path("black.png")).unwrap();
@@ -156,7 +279,11 @@ fn a_profile_that_unpacks_to_very_much_is_passed_over() {
     png.splice(33..33, chunk);
     std::fs::write(f.path("bomb.png"), png).unwrap();
     f.write("cage.json", r#"{"source": [[0, 0], [9, 0], [9, 9]], "target": [[0, 0], [8, 0], [9, 9]]}"#);
-    let ran = f.run("warp bomb.png --cage cage.json -o o.png --backend cpu --memory 250M").succeeds();
-    assert!(ran.stderr.contains("its colour profile is damaged, or far too large"), "{}", ran.stderr);
-    assert!(ran.peak_memory.is_some_and(|peak| peak < 150 * MIB), "{:?}", ran.peak_memory);
+    for command in ["warp bomb.png --cage cage.json -o o.png", "render s.obj --texture bomb.png -o o.png"] {
+        let ran = f.run(&format!("{command} --backend cpu --memory 250M"));
+        // A row of the black picture begins with a byte for its filter.
+        let unpacked = (16_000 * 16_001).to_string();
+        ran.fails_like(1, &["bomb.png", "colour profile", &unpacked, "33554432 are allowed"]);
+        assert!(ran.peak_memory.is_some_and(|peak| peak < 150 * MIB), "{:?}", ran.peak_memory);
+    }
 }

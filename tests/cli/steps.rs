@@ -98,6 +98,10 @@ fn check_tells_what_is_covered() {
     assert!((0.9..=1.0).contains(&all), "{all}");
     let mesh = read_mesh(f.path("cover.ply")).unwrap().mesh;
     assert_eq!(mesh.vertex_count(), read_mesh(f.path("s.obj")).unwrap().mesh.vertex_count());
+    // Of pairs it has one side.
+    f.run("check s.obj --backend cpu --anchors a.json").succeeds();
+    let pairs = f.run("check t.obj --backend cpu --anchors a.json --side target").succeeds();
+    assert!(pairs.stdout.contains("40 anchors cover"), "{}", pairs.stdout);
     // All anchors on the lower side leave the upper one uncovered.
     f.write("few.json", r#"{"anchors": [0, 1, 5, 10]}"#);
     f.run("check s.obj --backend cpu --anchors few.json --report r.json").succeeds();

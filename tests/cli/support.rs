@@ -110,6 +110,14 @@ impl Folder {
         self.write(name, &json!({"source": source, "target": target}).to_string());
     }
 
+    /// Pairs as of [`Folder::anchors`] whose sources are half of them farther on: no map fits.
+    pub(crate) fn wrong_anchors(&self, name: &str, count: usize) {
+        let mut sources: Vec<DVec3> = directions(count).collect();
+        sources.rotate_left(count / 2);
+        let next = std::cell::RefCell::new(sources.into_iter());
+        self.anchors(name, count, |_| next.borrow_mut().next().unwrap());
+    }
+
     /// A path in the folder.
     pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.0.path().join(name)

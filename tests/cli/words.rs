@@ -32,15 +32,41 @@ fn results_end_with_a_verdict() {
     let verdict = f.json("r.json")["verdict"].clone();
     assert!(last == "good" || last.starts_with("look at the result: "), "{}", ran.stdout);
     assert_eq!(verdict["word"] == "good", last == "good", "{verdict}");
-    // Half of the pairs say the opposite of the others.
-    let turned = std::cell::Cell::new(false);
-    f.anchors("wrong.json", 40, |p| if turned.replace(!turned.get()) { -p } else { p });
+    f.wrong_anchors("wrong.json", 40);
     let wrong = transfer.replace("a.json", "wrong.json");
     let ran = f.run(&format!("{wrong} -o w.png --report w.json")).succeeds();
-    assert!(ran.stdout.contains("not usable, because ") || ran.stdout.contains("look at the result"), "{}", ran.stdout);
-    if f.json("w.json")["verdict"]["word"] == "not usable" {
-        f.run(&format!("{wrong} -o w.png --strict")).fails(3, &["not usable"]);
-    }
+    let unusable =
+        |text: &str| text.contains("not usable, because ") && text.contains(" of the covered area cannot be trusted");
+    assert!(unusable(&ran.stdout), "{}", ran.stdout);
+    assert_eq!(f.json("w.json")["verdict"]["word"], "not usable");
+    let ran = f.run(&format!("{wrong} -o w.png --strict"));
+    assert!(ran.code == Some(3) && unusable(ran.message()), "{:?} {}", ran.code, ran.stderr);
+}
+
+#[test]
+fn every_command_that_judges_its_result_says_so_last() {
+    let f = Folder::spheres();
+    let last = |command: &str| f.run(command).succeeds().stdout.lines().last().unwrap_or_default().to_owned();
+    let is_verdict = |line: &str| {
+        line == "good" || line.starts_with("look at the result: ") || line.starts_with("not usable, because ")
+    };
+    let line = last("anchors s.obj t.obj --anchors a.json -o more.json --strict");
+    assert!(is_verdict(&line), "{line}");
+    // Spheres have no limbs that would tell their sides apart.
+    f.run("anchors s.obj t.obj -o none.json --strict").fails(3, &["--anchors"]);
+}
+
+#[test]
+#[cfg(unix)]
+fn streams_are_called_as_they_were_given() {
+    let f = Folder::spheres();
+    let ran = f.shell("barymap render s.obj --size 16 -o - > p.png").succeeds();
+    assert_eq!((ran.stderr.as_str(), f.image("p.png").width), ("-: 16 x 16\n", 16));
+    let ran = f.shell("cat s.obj | barymap render -.obj --size 16 -o -.jpg > p.jpg").succeeds();
+    assert_eq!((ran.stderr.as_str(), f.bytes("p.jpg")[..2].to_vec()), ("-.jpg: 16 x 16\n", vec![0xff, 0xd8]));
+    let ran = f.shell("echo nothing | barymap render - -o p.png");
+    assert!(ran.message().starts_with("barymap: -: ") && ran.code == Some(1), "{}", ran.stderr);
+    f.run("deform s.obj --handles a.json -o -.obj").fails(2, &["option -o", "-.ply"]);
 }
 
 #[test]

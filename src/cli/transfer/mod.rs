@@ -7,11 +7,10 @@ use std::path::{Path, PathBuf};
 use model::{Skin, SourceLook};
 use serde_json::json;
 
-use crate::cli::common::{
-    Common, EmbeddingArguments, Session, Surface, anchor_pairs, check_outputs, size, usage, with_what_is_left,
-};
+use crate::cli::common::{Common, EmbeddingArguments, Session, Surface, anchor_pairs, check_outputs, size, usage};
 use crate::cli::layer_kinds::LayerKinds;
 use crate::cli::method::{MethodArguments, prepare};
+use crate::cli::needs::{Room, with_what_is_left};
 use crate::cli::pictures::Quality;
 use crate::cli::unwrap::{Charts, Shown};
 use crate::cli::verdict::Verdict;
@@ -197,9 +196,20 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let verdict = verdict(&result, &report);
     report["verdict"] = verdict.describe();
     session.write_report(&report)?;
-    let first = arguments.output.first().map(PathBuf::from).or_else(|| arguments.look.model.clone());
+    let first = match &arguments.output[..] {
+        [] => arguments.look.model.clone(),
+        [name, ..] if name.contains(['<', '%']) => Some(listed(&report["files"]).into()),
+        [name, ..] => Some(name.into()),
+    };
     summary(&session, &first.unwrap_or_default(), &result, &report);
     verdict.tell(&session, arguments.strict, "Add pairs where it is wrong: barymap anchors --suggest names places")
+}
+
+/// The names in a list, the first five.
+fn listed(files: &serde_json::Value) -> String {
+    let files: Vec<&str> = files.as_array().into_iter().flatten().filter_map(|f| f.as_str()).collect();
+    let more = if files.len() > 5 { format!(" and {} more", files.len() - 5) } else { String::new() };
+    files[..files.len().min(5)].join(", ") + &more
 }
 
 /// The source; triangles among the nearest of its points where the file has coloured points and no
@@ -286,7 +296,7 @@ impl<'p> Job<'_, 'p> {
         let parts = names.parts(&target.mesh, &|text| session.warn(text))?;
         names.check(&parts, &roles, &target.mesh)?;
         let layers: Vec<Layer<'p>> = self.layers.iter().map(|t| self.layer(t)).collect();
-        with_what_is_left(session.common, 0, |memory| {
+        with_what_is_left(session.common, Room::default(), |memory| {
             check_beforehand(&source.mesh, &layers, &target.mesh, &self.look.options(memory))
         })?;
         let method = self.method;
@@ -305,7 +315,7 @@ impl<'p> Job<'_, 'p> {
         for part in &parts {
             let (material, region) = (part.material, part.region());
             let (from, to, progress) = (&source.mesh, &target.mesh, session.progress());
-            let mut output = with_what_is_left(session.common, 0, |memory| {
+            let mut output = with_what_is_left(session.common, Room::default(), |memory| {
                 let options = TransferOptions { material, region, ..self.look.options(memory) };
                 transfer_with(self.pyramids, from, &layers, to, map.as_ref(), &options, progress)
             })?;

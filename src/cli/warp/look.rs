@@ -6,7 +6,8 @@ use glam::DVec2;
 use serde_json::json;
 
 use super::{Arguments, bytes, options};
-use crate::cli::common::{Session, usage, with_what_is_left};
+use crate::cli::common::{Session, usage};
+use crate::cli::needs::{Room, with_what_is_left};
 use crate::control;
 use crate::io::cage::{CageUnits, read_cage};
 use crate::io::finite;
@@ -191,7 +192,7 @@ pub(super) fn projective(session: &mut Session<'_>, arguments: &Arguments, pictu
     let mut options = options(session, arguments, &image, file.units.unwrap_or(CageUnits::Pixel))?;
     options.jacobian = arguments.heatmap.is_some();
     session.watch.lap("read");
-    let warped = with_what_is_left(session.common, bytes(&image), |memory| {
+    let warped = with_what_is_left(session.common, Room { there: bytes(&image), after: 0 }, |memory| {
         options.memory = memory;
         warp_projective(&image, [source, target], &options, session.progress())
     })?;

@@ -14,6 +14,7 @@ mod shade;
 use glam::DVec3;
 use rayon::prelude::*;
 
+use crate::control;
 use crate::error::{Error, Result};
 use crate::geometry::{Mesh, Placement, SurfacePoint, UpAxis};
 use crate::picture::Image;
@@ -135,9 +136,13 @@ impl RenderOptions {
 /// are darker. O(triangles + samples).
 ///
 /// # Errors
-/// [`Error::Option`] if an option is out of its range.
+/// [`Error::Option`] if an option is out of its range; [`Error::Memory`].
 pub fn render(mesh: &Mesh, coloring: Coloring<'_>, anchors: &[SurfacePoint], options: &RenderOptions) -> Result<Image> {
     options.check()?;
+    let (w, h) = (options.width, options.height);
+    // A colour and a depth for each pixel, a place for each vertex, bands for each triangle.
+    let bytes = 8 * u64::from(w) * u64::from(h) + 24 * mesh.positions.len() as u64 + 40 * mesh.triangle_count() as u64;
+    control::require(bytes, || format!("a picture of {w} x {h} pixels"))?;
     let mut picture = Canvas::new(options.width, options.height, options.background);
     let Some(camera) = Camera::fitted(mesh, options) else {
         return picture.into_image();
