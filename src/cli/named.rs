@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use clap::parser::ValueSource;
 use clap::{Arg, ArgMatches, Command};
 
+use crate::io::kept::keep_inputs;
 use crate::{Error, Result};
 
 /// What a command does with a file that an argument names.
@@ -115,6 +116,8 @@ pub(crate) fn check(program: &Command, matches: &ArgMatches, overwrite: bool) ->
             return Err(Error::option(option, what, "Name another file, or give --overwrite"));
         }
     }
+    let planned = || written.iter().map(|(place, _)| place.clone()).collect();
+    keep_inputs((!overwrite).then(planned));
     let mut made = Vec::new();
     written.iter().try_for_each(|(place, _)| make_folders(place, &mut made))?;
     made.reverse();

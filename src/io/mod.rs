@@ -54,6 +54,7 @@ mod gltf_validator;
 pub mod gltf_write;
 pub mod handles;
 pub mod image_file;
+pub(crate) mod kept;
 mod locate;
 pub mod markers;
 pub mod mask;

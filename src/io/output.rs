@@ -164,6 +164,8 @@ pub(super) fn final_place(path: &Path) -> Result<PathBuf> {
     if !folder.is_dir() {
         return other(io::ErrorKind::NotFound, &format!("the folder {} does not exist", folder.display()));
     }
+    #[cfg(feature = "files")]
+    super::kept::writing(&target)?;
     Ok(target)
 }
 

@@ -1,10 +1,24 @@
 //! What the readers share: opening files, telling text from UTF-16, counting what was passed over.
 
+use std::fs::File;
+use std::io::BufReader;
 use std::path::Path;
 
 use super::locate::Located;
-pub(crate) use super::open::{open, read_all};
+use super::{kept, open};
 use crate::{Error, Result};
+
+/// Opens an input, as [`open::open`].
+pub(crate) fn open(path: &Path) -> Result<BufReader<File>> {
+    kept::reading(path)?;
+    open::open(path)
+}
+
+/// The bytes of an input.
+pub(crate) fn read_all(path: &Path) -> Result<Vec<u8>> {
+    kept::reading(path)?;
+    open::read_all(path)
+}
 
 /// The text of a file that is UTF-8, with a byte order mark removed.
 pub(crate) fn read_text(path: &Path) -> Result<String> {

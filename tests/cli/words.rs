@@ -57,6 +57,27 @@ fn every_command_that_judges_its_result_says_so_last() {
 }
 
 #[test]
+fn textures_of_materials_are_inputs_that_stay() {
+    let f = Folder::spheres();
+    std::fs::copy(f.path("s.png"), f.path("base_color.png")).unwrap();
+    f.write("m.mtl", "newmtl a\nmap_Kd base_color.png\n");
+    f.write("m.obj", &format!("mtllib m.mtl\nusemtl a\n{}", f.read("s.obj")));
+    let before = f.bytes("base_color.png");
+    let transfer = "transfer --source m.obj --target t.obj --anchors a.json --backend cpu --size 32";
+    for command in [
+        format!("{transfer} -o base_color.png"),
+        format!("{transfer} -o <ROLE>.png"),
+        "render m.obj --size 16 -o base_color.png".to_owned(),
+        format!("{transfer} -o o.png --report m.mtl"),
+    ] {
+        f.run(&command).fails(2, &["is a file that is read", "--overwrite"]);
+    }
+    assert!(f.bytes("base_color.png") == before && !f.path("o.png").exists());
+    let ran = f.run(&format!("{transfer} -o <ROLE>.png --overwrite")).succeeds();
+    assert!(ran.stdout.contains("base_color.png: 32 x 32") && f.bytes("base_color.png") != before, "{}", ran.stdout);
+}
+
+#[test]
 #[cfg(unix)]
 fn streams_are_called_as_they_were_given() {
     let f = Folder::spheres();
