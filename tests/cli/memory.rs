@@ -130,6 +130,8 @@ fn work_on_large_meshes_is_refused_before_it_begins() {
         check_refused(&f, &command.replace("NAME", "large"), &["large.obj", " vertices"]);
     }
     check_refused(&f, "render large.obj --size 8192 -o o.png", &["8192 x 8192"]);
+    write_obj(&uv_sphere(1.0, 24, 16), f.path("s.obj")).unwrap();
+    check_refused(&f, "remesh s.obj --base auto --levels 7 -o q.obj --backend cpu", &["7 levels of "]);
 }
 
 #[test]

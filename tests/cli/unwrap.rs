@@ -174,7 +174,7 @@ fn what_cannot_be_unwrapped_is_refused() {
     let f = Folder::spheres();
     for (command, code, word) in [
         ("unwrap t.obj -o u.ply", 2, "u.ply"),
-        ("unwrap t.obj -o missing/deep/u.obj", 1, "missing"),
+        ("unwrap t.obj -o t.obj/u.obj", 1, "t.obj"),
         ("unwrap t.obj -o u.obj --layout l.gif", 2, "l.gif"),
         ("unwrap t.obj -o u.obj --size 4", 2, "--size"),
         ("unwrap t.obj -o u.obj --chart-angle 90", 2, "--chart-angle"),

@@ -37,6 +37,9 @@ use quads::{Polygons, Refined};
 
 /// Largest number of vertices of a result.
 const MOST_VERTICES: u64 = 1 << 24;
+/// Bytes that a vertex of the result takes: with its faces, its place on the mesh and where it is
+/// written. Measured on results of 410,000 and 1,640,000: 715 and 785.
+const BYTES_PER_VERTEX: u64 = 800;
 /// Averages of a batch below which a device is not worth its while.
 const LEAST_ROWS: usize = 1024;
 /// Smoothing steps that are computed in one go.
@@ -184,6 +187,8 @@ impl<'a> Remesher<'a> {
                 format!("{} levels of {} faces are more than {MOST_VERTICES} vertices", options.levels, polygons.len());
             return Err(Error::option("levels", what, "Give fewer levels"));
         }
+        let levels = options.levels;
+        control::require(after * BYTES_PER_VERTEX, || format!("{levels} levels of {} faces", polygons.len()))?;
         let closest = ClosestPoints::new(shape.mesh, shape.topology);
         let places: Vec<DVec3> = used.iter().map(|&v| base.positions[v as usize]).collect();
         let diagonal = shape.mesh.bounds().map_or(0.0, |(low, high)| low.distance(high));
