@@ -30,11 +30,11 @@ fn outputs_that_cannot_be_written_are_noticed_before_the_work() {
     let before = f.names();
     std::fs::create_dir(f.path("folder.png")).unwrap();
     for output in [
-        "-o missing/deep/o.png",
+        "-o s.obj/o.png",
         "-o folder.png",
-        "-o o.png --coverage missing/deep/c.png",
-        "-o o.png --model missing/deep/m.glb",
-        "-o o.png --report missing/deep/r.json",
+        "-o o.png --coverage s.obj/c.png",
+        "-o o.png --model s.obj/m.glb",
+        "-o o.png --report s.obj/r.json",
         "-o o.gif",
         "-o o",
     ] {

@@ -359,7 +359,7 @@ fn options_out_of_range() {
         assert!(!f.path("o.png").exists());
     }
     f.run(&format!("{WARP} --memory 1K")).fails(1, &["--memory"]);
-    f.run(&WARP.replace("o.png", "missing/deep/o.png")).fails(1, &["missing"]);
+    f.run(&WARP.replace("o.png", "p.png/o.png")).fails(1, &["p.png/o.png"]);
 }
 
 #[test]
