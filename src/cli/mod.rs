@@ -51,6 +51,7 @@ use std::process::ExitCode;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::control::Control;
+use crate::io::kept::keep_inputs;
 use crate::{Error, Result};
 use common::Common;
 use machine::Machine;
@@ -222,12 +223,15 @@ fn given(arguments: Vec<OsString>) -> Result<ExitCode> {
             return Ok(ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2)));
         }
     };
-    let folders = named::check(&program, &matches, cli.common.overwrite)?;
+    let overwrite = cli.common.overwrite;
+    let outputs = named::check(&program, &matches, overwrite)?;
+    keep_inputs((!overwrite).then_some(outputs.planned));
     cli.common.stages = plan::stages(matches.subcommand_name().unwrap_or_default());
     let done = carry_out(&mut cli);
+    keep_inputs(None);
     if done.is_err() {
         // A folder that something was written to stays.
-        folders.iter().for_each(|folder| drop(std::fs::remove_dir(folder)));
+        outputs.made.iter().for_each(|folder| drop(std::fs::remove_dir(folder)));
     }
     done?;
     streams.finish()?;

@@ -8,7 +8,6 @@ use std::path::{Path, PathBuf};
 use clap::parser::ValueSource;
 use clap::{Arg, ArgMatches, Command};
 
-use crate::io::kept::keep_inputs;
 use crate::{Error, Result};
 
 /// What a command does with a file that an argument names.
@@ -75,15 +74,23 @@ fn spelt(argument: &Arg) -> String {
     argument.get_long().map_or_else(|| argument.get_id().to_string(), |long| format!("--{long}"))
 }
 
+/// What a command line is to write.
+#[derive(Debug, Default)]
+pub(crate) struct Outputs {
+    /// The files.
+    pub(crate) planned: Vec<PathBuf>,
+    /// The folders that were made for them, the innermost first.
+    pub(crate) made: Vec<PathBuf>,
+}
+
 /// Fails for a file that would be written twice, and for one that is read and written unless
-/// `--overwrite` is given. Makes the folders of outputs that are missing; returns those that were
-/// made, the innermost first.
+/// `--overwrite` is given. Makes the folders of outputs that are missing.
 ///
 /// # Errors
 /// [`Error::Option`] that names both arguments.
-pub(crate) fn check(program: &Command, matches: &ArgMatches, overwrite: bool) -> Result<Vec<PathBuf>> {
-    let Some((name, given)) = matches.subcommand() else { return Ok(Vec::new()) };
-    let Some(command) = program.find_subcommand(name) else { return Ok(Vec::new()) };
+pub(crate) fn check(program: &Command, matches: &ArgMatches, overwrite: bool) -> Result<Outputs> {
+    let Some((name, given)) = matches.subcommand() else { return Ok(Outputs::default()) };
+    let Some(command) = program.find_subcommand(name) else { return Ok(Outputs::default()) };
     // Files, each with the argument that names it.
     let mut read: Vec<(PathBuf, String)> = Vec::new();
     let mut written: Vec<(PathBuf, String)> = Vec::new();
@@ -116,12 +123,11 @@ pub(crate) fn check(program: &Command, matches: &ArgMatches, overwrite: bool) ->
             return Err(Error::option(option, what, "Name another file, or give --overwrite"));
         }
     }
-    let planned = || written.iter().map(|(place, _)| place.clone()).collect();
-    keep_inputs((!overwrite).then(planned));
+    let planned: Vec<PathBuf> = written.into_iter().map(|(place, _)| place).collect();
     let mut made = Vec::new();
-    written.iter().try_for_each(|(place, _)| make_folders(place, &mut made))?;
+    planned.iter().try_for_each(|place| make_folders(place, &mut made))?;
     made.reverse();
-    Ok(made)
+    Ok(Outputs { planned, made })
 }
 
 /// Makes the folders above `place` that are missing, the outermost first.
@@ -152,7 +158,7 @@ mod tests {
     use super::*;
     use crate::cli::Cli;
 
-    fn checked(line: &str) -> Result<Vec<PathBuf>> {
+    fn checked(line: &str) -> Result<Outputs> {
         let mut program = Cli::command();
         let matches = program.try_get_matches_from_mut(line.split_whitespace()).unwrap();
         check(&program, &matches, line.contains("--overwrite"))

@@ -213,7 +213,7 @@ fn options_out_of_range_are_refused() {
         assert!(refused(with(PartitionKind::Binary, eps)).contains("eps"));
     }
     assert!(refused(with(PartitionKind::Uniform(0), 0.01)).contains("no steps"));
-    assert!(refused(with(PartitionKind::Uniform(u32::MAX), 0.01)).contains("Take fewer steps"));
+    assert!(refused(with(PartitionKind::Uniform(u32::MAX), 0.01)).contains("Give at most 10000"));
     let wachspress = PartitionOptions { coordinates: Coordinates::Wachspress, ..PartitionOptions::default() };
     let star = super::super::testing::star(10, 1.0, 0.4, [0.0; 2]);
     let mut evaluate = |_: &[(Polygon, Polygon)]| panic!("nothing to evaluate");
