@@ -62,7 +62,6 @@ impl Control {
     }
 
     /// As [`Control::with_memory`], for the process as a whole: what it has already counts, too.
-    #[cfg_attr(not(feature = "cli"), expect(dead_code, reason = "for the command line"))]
     pub(crate) fn of_process(bytes: u64) -> Self {
         Self { state: Arc::new(State { memory: Some(bytes), whole: true, ..State::default() }) }
     }

@@ -19,6 +19,7 @@
 //!   `springs`, ours: lengths of edges
 //! - [`cascade`]: section 3.2, coarse to fine
 //! - [`gpu`]: the kernels
+//! - [`sequence`], `track`, `abreast`: many frames, smooth in time and several at once
 //! - `blend`, `march`: section 4.3, averages of the encodings of several shapes, and the way to
 //!   the shapes they describe
 //! - [`measures`]: how far a shape is from another one, in neutral terms
@@ -27,6 +28,7 @@
 //! the kernels read them. Formulas hold ring-local coordinates throughout and are generic over
 //! [`crate::engine::Real`]; double precision is the truth.
 
+mod abreast;
 mod blend;
 #[doc(hidden)]
 pub mod cascade;

@@ -11,6 +11,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::abreast::{Abreast, LARGEST, Part, WIDTH, Workspace};
 use super::cascade::springs;
 use super::decode::split_level;
 use super::hierarchy::Stage;
@@ -22,8 +23,8 @@ use crate::error::{Error, Result};
 
 /// How far the frames of a sequence are minimised.
 ///
-/// On a walking body of 15,000 vertices with 40 markers, G is 1.46 times that of
-/// [`super::Quality::DEFAULT`] with the default, 7.6 times with the preview.
+/// On a walking body of 12,600 vertices with 40 markers, G is 1.38 times that of
+/// [`super::Quality::DEFAULT`] with the default, 10 times with the preview.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SequenceQuality {
     /// The finest stage with at most so many free vertices is followed from frame to frame.
@@ -39,8 +40,8 @@ pub struct SequenceQuality {
 impl SequenceQuality {
     /// Vertex splits from the stage that is followed.
     pub const PREVIEW: Self = Self { tracked: 2000, middle: 0, fine: 0, stiffness: 0.0 };
-    /// Fifty frames a second of a body of 13,000 vertices on two cores.
-    pub const DEFAULT: Self = Self { middle: 20, fine: 10, ..Self::PREVIEW };
+    /// A hundred frames a second of a body of 13,000 vertices on two cores.
+    pub const DEFAULT: Self = Self { tracked: 500, middle: 28, fine: 10, ..Self::PREVIEW };
 }
 
 /// One frame of the held vertices.
@@ -64,8 +65,11 @@ pub struct Played {
     pub anew: bool,
 }
 
-/// Frames whose fine parts are made at once.
-const BLOCK: usize = 32;
+/// Memory of a group, a vertex: what is worked with (`abreast`), and its frames before and after.
+const GROUP_BYTES: u64 = 3400 + 3 * 24 * WIDTH as u64;
+/// Most groups of frames that are finished at once: one thread follows the coarse stage meanwhile,
+/// and more groups than these would wait for it.
+const MOST_GROUPS: usize = 4;
 /// Decrease of G in the second step above which the stage has not arrived.
 const ARRIVED: f64 = 0.05;
 /// G over its usual value that makes one look for a better minimum; the usual value at most doubles
@@ -100,7 +104,11 @@ impl Decoder {
         let mut skipped: Option<Found> = None;
         let mut coarse = Coarse::new(self, quality);
         let tracked = coarse.tracked;
-        let mut blocks = frames.chunks(BLOCK).enumerate();
+        let size = self.hierarchy().order.len();
+        let abreast =
+            (quality.stiffness == 0.0 && size <= LARGEST).then(|| Abreast::new(self.hierarchy(), tracked + 1));
+        let length = WIDTH * groups(size);
+        let mut blocks = frames.chunks(length).enumerate();
         let mut waiting: Option<(usize, &[Frame<'_>], Vec<Found>)> = None;
         let mut before: Option<Played> = None;
         let here = control::current();
@@ -108,13 +116,13 @@ impl Decoder {
             // While one block is finished, the next one is followed.
             let finish = || {
                 let (k, block, found) = waiting.take()?;
-                Some((k, here.within(|| self.finish(tracked, block, found, quality))))
+                Some((k, here.within(|| self.finish(abreast.as_ref(), tracked, block, found, quality))))
             };
             let follow = || {
                 let (k, block) = blocks.next()?;
                 let one = |(i, frame)| {
                     here.check()?;
-                    let f = k * BLOCK + i;
+                    let f = k * length + i;
                     let found = coarse.follow(frame, |v, p| start(f, v, p))?;
                     if f >= wanted.start {
                         let before = skipped.take();
@@ -135,7 +143,7 @@ impl Decoder {
                     let played = played.or_else(|| before.clone());
                     let Some(played) = played else { continue };
                     before = Some(played.clone());
-                    sink(k * BLOCK + i, played)?;
+                    sink(k * length + i, played)?;
                 }
             }
             match followed {
@@ -148,43 +156,77 @@ impl Decoder {
     /// The finer stages of a block of frames, in parallel; none where nothing moved.
     fn finish(
         &self,
+        abreast: Option<&Abreast<'_>>,
         tracked: usize,
         block: &[Frame<'_>],
         found: Vec<Found>,
         quality: &SequenceQuality,
     ) -> Result<Vec<Option<Played>>> {
-        let h = self.hierarchy();
         let here = control::current();
-        let one = |solver: &mut StageSolver, (frame, found): (&Frame<'_>, Found)| {
-            here.check()?;
-            let Found::Moved { mut positions, value, anew } = found else { return Ok(None) };
-            positions.resize(h.order.len(), [0.0; 3]);
-            for (k, stage) in h.stages.iter().enumerate().skip(tracked + 1) {
-                split(h, stage, &mut positions);
-                let steps = if k + 1 == h.stages.len() { quality.fine } else { quality.middle };
-                if steps > 0 {
-                    let springs = springs(stage, self.rest(), frame.scale, quality.stiffness);
-                    let stop = Stop { iterations: 1, decrease: 0.0 };
-                    let (stencils, encoding) = (&stage.stencils, &stage.encoding);
-                    let part = &mut positions[..stage.vertices];
-                    solver.minimise(
-                        stencils,
-                        encoding,
-                        springs.as_ref(),
-                        h.held,
-                        Method::Gradients(steps),
-                        stop,
-                        part,
-                    )?;
+        let (mut parts, mut played) = (Vec::new(), Vec::new());
+        for (frame, found) in block.iter().zip(found) {
+            played.push(match found {
+                Found::Still => None,
+                Found::Moved { positions, value, anew } => {
+                    parts.push(Part { frame, positions });
+                    Some(Played { positions: Vec::new(), value, anew })
                 }
-            }
-            if positions.iter().flatten().any(|x| !x.is_finite()) {
+            });
+        }
+        match abreast {
+            Some(abreast) => parts
+                .par_chunks_mut(WIDTH)
+                .map_init(Workspace::default, |work, group| here.within(|| abreast.finish(work, group, quality)))
+                .collect::<Result<()>>()?,
+            None => parts
+                .par_iter_mut()
+                .map_init(StageSolver::default, |solver, part| {
+                    here.check()?;
+                    self.finish_one(tracked, solver, part, quality)
+                })
+                .collect::<Result<()>>()?,
+        }
+        for (played, part) in played.iter_mut().flatten().zip(parts) {
+            if part.positions.iter().flatten().any(|x| !x.is_finite()) {
                 return Err(no_shape());
             }
-            Ok(Some(Played { positions, value, anew }))
-        };
-        block.par_iter().zip(found).map_init(StageSolver::default, one).collect()
+            played.positions = part.positions;
+        }
+        Ok(played)
     }
+
+    /// The finer stages of one frame.
+    fn finish_one(
+        &self,
+        tracked: usize,
+        solver: &mut StageSolver,
+        part: &mut Part<'_, '_>,
+        quality: &SequenceQuality,
+    ) -> Result<()> {
+        let h = self.hierarchy();
+        let Part { frame, positions } = part;
+        positions.resize(h.order.len(), [0.0; 3]);
+        for (k, stage) in h.stages.iter().enumerate().skip(tracked + 1) {
+            split(h, stage, positions);
+            let steps = if k + 1 == h.stages.len() { quality.fine } else { quality.middle };
+            if steps > 0 {
+                let springs = springs(stage, self.rest(), frame.scale, quality.stiffness);
+                let stop = Stop { iterations: 1, decrease: 0.0 };
+                let (stencils, encoding) = (&stage.stencils, &stage.encoding);
+                let positions = &mut positions[..stage.vertices];
+                let method = Method::Gradients(steps);
+                solver.minimise(stencils, encoding, springs.as_ref(), h.held, method, stop, positions)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Groups of frames that are finished at once, of a mesh of so many vertices: what memory allows.
+fn groups(vertices: usize) -> usize {
+    let bytes = (vertices as u64).saturating_mul(GROUP_BYTES).max(1);
+    let room = usize::try_from(control::left() / 2 / bytes).unwrap_or(usize::MAX);
+    rayon::current_num_threads().clamp(2, MOST_GROUPS).min(room).max(1)
 }
 
 fn no_shape() -> Error {
@@ -309,6 +351,8 @@ mod tests {
     use crate::models::Walker;
 
     const COUNT: usize = 48;
+    /// Frames to the border of two blocks.
+    const BLOCK: usize = 2 * WIDTH;
 
     /// A walking body of some 3,400 vertices, every 85th of which is held, and `frames` of it at 30
     /// a second, the arms coming down in the first half.

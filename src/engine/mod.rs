@@ -38,6 +38,7 @@ pub use kernel::{BindingKind, GROUP, Kernel, Layout, Span};
 #[doc(hidden)]
 pub use kernel::{SPAN_LAYOUT, UNIFORM_BLOCK};
 #[doc(hidden)]
+pub(crate) use lane::MAX_LANES;
 pub use lane::{Lane, LaneScalar, Lanes, Sweep, TILE};
 pub use options::{Backend, DeviceLimits, EngineOptions};
 #[doc(hidden)]
