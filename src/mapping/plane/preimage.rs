@@ -1,5 +1,7 @@
 //! Where pixels come from: a lattice's images rasterised over a canvas.
 
+use std::ops::Range;
+
 use glam::{DVec2, UVec2};
 use rayon::prelude::*;
 
@@ -31,20 +33,25 @@ impl Preimages {
     /// one is taken. O(pixels + triangles), parallel over rows.
     pub fn of(lattice: &Lattice, origin: DVec2, size: UVec2) -> Self {
         let mut found = vec![None; size.x as usize * size.y as usize];
-        fill_window(lattice, origin, size, &mut found, |p| Some(p.as_vec2().to_array()));
+        fill_window(lattice, origin, size, &mut found, |run, start, step| {
+            for (k, found) in run.iter_mut().enumerate() {
+                *found = Some((start + step * k as f64).as_vec2().to_array());
+            }
+        });
         let covered = found.iter().map(Option::is_some).collect();
         Self { size, points: found.into_iter().map(Option::unwrap_or_default).collect(), covered }
     }
 }
 
-/// Sets each pixel of the window of [`Preimages::of`] that a triangle of the lattice covers to the
-/// value of its pre-image; `out` has `size.x * size.y` pixels.
+/// Sets each pixel of the window of [`Preimages::of`] that a triangle of the lattice covers; `out`
+/// has `size.x * size.y` pixels. `set` takes pixels that follow one another in a row, the pre-image
+/// of the first one, and the step from each pre-image to the next.
 pub(crate) fn fill_window<T: Send>(
     lattice: &Lattice,
     origin: DVec2,
     size: UVec2,
     out: &mut [T],
-    value: impl Fn(DVec2) -> T + Sync,
+    set: impl Fn(&mut [T], DVec2, DVec2) + Sync,
 ) {
     let (width, height) = (size.x as usize, size.y as usize);
     let mut bands = vec![Vec::new(); height.div_ceil(BAND)];
@@ -52,8 +59,8 @@ pub(crate) fn fill_window<T: Send>(
         let y = t.map(|v| lattice.images[v as usize].y - origin.y - 0.5);
         let (low, high) = (y[0].min(y[1]).min(y[2]) - SLACK, y[0].max(y[1]).max(y[2]) + SLACK);
         // Casts saturate, and turn NaN into 0; fill() looks again.
-        let (first, last) = (low.ceil().max(0.0) as usize, high.floor());
-        if last >= 0.0 && first < height {
+        let (first, last) = (ceil(low).max(0) as usize, floor(high));
+        if last >= 0 && first < height {
             let last = (last as usize).min(height - 1);
             bands[first / BAND..=last / BAND].iter_mut().for_each(|b| b.push(i as u32));
         }
@@ -65,14 +72,21 @@ pub(crate) fn fill_window<T: Send>(
             let corner = DVec2::new(0.5, 0.5 + (band * BAND) as f64) + origin;
             let image = t.map(|v| lattice.images[v as usize] - corner);
             let source = t.map(|v| lattice.points[v as usize]);
-            fill(image, source, width, out.len(), |i, here| out[i] = value(here));
+            fill(image, source, width, out.len(), |run, start, step| set(&mut out[run], start, step));
         }
     });
 }
 
 /// The pixels of some rows inside one triangle, `count` in all; its images are relative to the
-/// centre of the first of them. `set` takes the number of a pixel and its pre-image.
-pub(super) fn fill(q: [DVec2; 3], p: [DVec2; 3], width: usize, count: usize, mut set: impl FnMut(usize, DVec2)) {
+/// centre of the first of them. `set` takes the numbers of pixels that follow one another in a row,
+/// the pre-image of the first one, and the step from each pre-image to the next.
+pub(super) fn fill(
+    q: [DVec2; 3],
+    p: [DVec2; 3],
+    width: usize,
+    count: usize,
+    mut set: impl FnMut(Range<usize>, DVec2, DVec2),
+) {
     let twice = (q[1] - q[0]).perp_dot(q[2] - q[0]);
     if !(twice.abs() > f64::MIN_POSITIVE && twice.is_finite()) {
         return;
@@ -82,37 +96,85 @@ pub(super) fn fill(q: [DVec2; 3], p: [DVec2; 3], width: usize, count: usize, mut
     let (d1, d2) = (p[1] - p[0], p[2] - p[0]);
     let a = (d1 * e2.y - d2 * e1.y) / twice;
     let b = (d2 * e1.x - d1 * e2.x) / twice;
-    let rows = count / width.max(1);
-    let (low, high) = (q[0].y.min(q[1].y).min(q[2].y) - SLACK, q[0].y.max(q[1].y).max(q[2].y) + SLACK);
-    let last = high.floor().min(rows as f64 - 1.0);
-    let mut y = low.ceil().max(0.0);
-    while y <= last {
-        // The chord of the triangle at this row: where its edges cross it.
-        let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);
-        for (s, t) in [(q[0], q[1]), (q[1], q[2]), (q[2], q[0])] {
-            let (s, t) = if s.y <= t.y { (s, t) } else { (t, s) };
-            if y < s.y - SLACK || y > t.y + SLACK {
-                continue;
-            }
-            let rise = t.y - s.y;
-            if rise > SLACK {
-                let x = s.x + (t.x - s.x) * ((y - s.y) / rise).clamp(0.0, 1.0);
-                (left, right) = (left.min(x), right.max(x));
-            } else {
-                (left, right) = (left.min(s.x.min(t.x)), right.max(s.x.max(t.x)));
-            }
-        }
-        let first = (left - SLACK).ceil().max(0.0);
-        let end = (right + SLACK).floor().min(width as f64 - 1.0);
+    let (rows, sides) = ((count / width.max(1)) as f64, Sides::new(q));
+    let (first_row, last_row) = (ceil(sides.top.y - SLACK).max(0), floor((sides.bottom.y + SLACK).min(rows - 1.0)));
+    for row in first_row..=last_row {
+        let y = row as f64;
+        let (left, right) = sides.chord(y);
+        let first = ceil((left - SLACK).max(0.0));
+        let end = floor((right + SLACK).min(width as f64 - 1.0));
         if first <= end {
-            let (first, end) = (first as usize, end as usize);
             let start = p[0] + a * (first as f64 - q[0].x) + b * (y - q[0].y);
-            let at = y as usize * width;
-            for (k, i) in (at + first..=at + end).enumerate() {
-                set(i, start + a * k as f64);
-            }
+            let at = row as usize * width;
+            set(at + first as usize..at + end as usize + 1, start, a);
         }
-        y += 1.0;
+    }
+}
+
+/// The least whole number that is not below `x`. Calls of `f64::ceil` are calls of a function on
+/// processors of the first 64 bits, and there are two a row of each triangle.
+#[inline(always)]
+fn ceil(x: f64) -> i64 {
+    let whole = x as i64;
+    whole + i64::from((whole as f64) < x)
+}
+
+/// The largest whole number that is not above `x`.
+#[inline(always)]
+fn floor(x: f64) -> i64 {
+    let whole = x as i64;
+    whole - i64::from((whole as f64) > x)
+}
+
+/// A triangle by its rising rows.
+struct Sides {
+    top: DVec2,
+    middle: DVec2,
+    bottom: DVec2,
+    /// Step in x for one in y, from top to bottom, to the middle, and from there.
+    long: f64,
+    upper: Option<f64>,
+    lower: Option<f64>,
+    /// No two corners differ by more than the slack.
+    flat: bool,
+}
+
+impl Sides {
+    #[inline(always)]
+    fn new(q: [DVec2; 3]) -> Self {
+        let [mut top, mut middle, mut bottom] = q;
+        if middle.y < top.y {
+            (top, middle) = (middle, top);
+        }
+        if bottom.y < middle.y {
+            (middle, bottom) = (bottom, middle);
+        }
+        if middle.y < top.y {
+            (top, middle) = (middle, top);
+        }
+        let slope = |a: DVec2, b: DVec2| (b.y - a.y > SLACK).then(|| (b.x - a.x) / (b.y - a.y));
+        let long = slope(top, bottom);
+        let (upper, lower) = (slope(top, middle), slope(middle, bottom));
+        Self { top, middle, bottom, long: long.unwrap_or(0.0), upper, lower, flat: long.is_none() }
+    }
+
+    /// Where a row crosses the triangle, from left to right; a row outside has the corner next to
+    /// it.
+    #[inline(always)]
+    fn chord(&self, y: f64) -> (f64, f64) {
+        let Self { top, middle, bottom, .. } = *self;
+        if self.flat {
+            return (top.x.min(middle.x).min(bottom.x), top.x.max(middle.x).max(bottom.x));
+        }
+        let y = y.clamp(top.y, bottom.y);
+        let long = top.x + (y - top.y) * self.long;
+        // A side along a row is crossed at its other end, the long side being at its first.
+        let short = if y <= middle.y {
+            self.upper.map_or(middle.x, |k| top.x + (y - top.y) * k)
+        } else {
+            self.lower.map_or(middle.x, |k| middle.x + (y - middle.y) * k)
+        };
+        (long.min(short), long.max(short))
     }
 }
 

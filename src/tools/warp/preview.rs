@@ -95,23 +95,60 @@ impl Preview {
     /// None once the preview is made.
     pub fn frame(&self) -> Result<Image> {
         let mut pixels = vec![[0; 4]; self.canvas.x as usize * self.canvas.y as usize];
-        fill_window(&self.lattice, DVec2::ZERO, self.canvas, &mut pixels, |p| self.color(p));
+        fill_window(&self.lattice, DVec2::ZERO, self.canvas, &mut pixels, |run, p, step| self.paint(run, p, step));
         Image::new(self.canvas.x, self.canvas.y, 4, Pixels::U8(pixels.into_flattened()))
     }
 
-    /// The colour at a point of the picture, between texels a 256th apart.
-    #[inline(always)]
-    fn color(&self, p: DVec2) -> [u8; 4] {
-        // The centre of texel (0, 0) of the bordered picture is at (-1/2, -1/2).
-        let size = self.size.as_dvec2();
-        let fixed = |v: f64, size: f64| ((v + 0.5).clamp(0.0, size + 1.0) * 256.0 + 0.5) as u32;
-        let (x, y) = (fixed(p.x, size.x).min(256 * self.size.x + 255), fixed(p.y, size.y).min(256 * self.size.y + 255));
+    /// Colours at points of the picture from `start` on, each a `step` further, to a 256th of a
+    /// texel.
+    fn paint(&self, out: &mut [[u8; 4]], start: DVec2, step: DVec2) {
         let stride = self.size.x as usize + 2;
-        let at = (y >> 8) as usize * stride + (x >> 8) as usize;
-        let row = |at: usize| between(spread(self.texels[at]), spread(self.texels[at + 1]), x & 255);
-        straight(between(row(at), row(at + stride), y & 255))
+        // The centre of texel (0, 0) of the bordered picture is at (-1/2, -1/2).
+        let place = |p: DVec2| (p + 0.5) * 256.0 + 0.5;
+        let least = DVec2::ZERO;
+        let most = 256.0 * self.size.as_dvec2() + 255.0;
+        let fixed = |v: f64| (v * FINE) as i64;
+        for (part, out) in out.chunks_mut(RUN).enumerate() {
+            let first = place(start + step * (part * RUN) as f64);
+            let last = first + step * (256.0 * (out.len() - 1) as f64);
+            // A run within the picture needs no look at its border; half a 256th is more than what
+            // the roundings of all its steps add up to.
+            let within = |p: DVec2| p.cmpge(least + 0.5).all() && p.cmple(most - 0.5).all();
+            if within(first) && within(last) {
+                let [mut x, mut y] = [fixed(first.x), fixed(first.y)];
+                let [dx, dy] = [fixed(256.0 * step.x), fixed(256.0 * step.y)];
+                for out in out {
+                    *out = self.color((x >> FINE_BITS) as usize, (y >> FINE_BITS) as usize, stride);
+                    (x, y) = (x + dx, y + dy);
+                }
+            } else {
+                for (k, out) in out.iter_mut().enumerate() {
+                    // Not a number becomes 0.
+                    let p = (first + step * (256.0 * k as f64)).clamp(least, most);
+                    *out = self.color(p.x as usize, p.y as usize, stride);
+                }
+            }
+        }
+    }
+
+    /// The colour at a place of the bordered picture, in 256ths of a texel.
+    #[inline(always)]
+    fn color(&self, x: usize, y: usize, stride: usize) -> [u8; 4] {
+        let at = (y >> 8) * stride + (x >> 8);
+        let row = |at: usize| {
+            let two = &self.texels[at..at + 2];
+            between(spread(two[0]), spread(two[1]), (x & 255) as u32)
+        };
+        straight(between(row(at), row(at + stride), (y & 255) as u32))
     }
 }
+
+/// Bits of a place after those of the 256ths.
+const FINE_BITS: u32 = 20;
+/// Two to that power.
+const FINE: f64 = (1 << FINE_BITS) as f64;
+/// Pixels whose places are sums of steps.
+const RUN: usize = 4096;
 
 /// The channels of a texel in lanes of 16 bits.
 #[inline(always)]

@@ -192,9 +192,12 @@ impl Rows<'_> {
             let nodes = [4, RING[k], RING[(k + 1) % 8]];
             let (leaf, solved) = (&mut *self.leaf, &mut *self.solved);
             let count = leaf.len();
-            preimage::fill(nodes.map(|n| open.images[n] - corner), nodes.map(place), self.width, count, |i, at| {
-                leaf[i] = index;
-                solved[i] = Solved { at: at.as_vec2().to_array(), ..UNSOLVED };
+            let images = nodes.map(|n| open.images[n] - corner);
+            preimage::fill(images, nodes.map(place), self.width, count, |run, start, step| {
+                leaf[run.clone()].fill(index);
+                for (k, solved) in solved[run].iter_mut().enumerate() {
+                    *solved = Solved { at: (start + step * k as f64).as_vec2().to_array(), ..UNSOLVED };
+                }
             });
         }
     }
