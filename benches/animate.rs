@@ -54,7 +54,16 @@ fn main() -> Result<()> {
         SAMPLES.len() as f64 / spent.wall,
         flipped(&deformer, &single)
     );
-    for (name, quality) in [("preview", SequenceQuality::PREVIEW), ("default", SequenceQuality::DEFAULT)] {
+    let q = |tracked, middle, fine| SequenceQuality { tracked, middle, fine, ..SequenceQuality::DEFAULT };
+    for (name, quality) in [
+        ("500,0,0", q(500, 0, 0)),
+        ("500,20,10", q(500, 20, 10)),
+        ("500,40,10", q(500, 40, 10)),
+        ("500,60,10", q(500, 60, 10)),
+        ("2000,20,7", q(2000, 20, 7)),
+        ("2000,12,10", q(2000, 12, 10)),
+        ("default", SequenceQuality::DEFAULT),
+    ] {
         let mut kept = Vec::new();
         let (done, spent) = once(|| {
             deformer.play(&tracks, 0..FRAMES, &quality, |f, frame| {

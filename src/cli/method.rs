@@ -1,11 +1,13 @@
 //! The correspondence as the command line asks for it.
 
+use glam::DVec3;
+
 use crate::Result;
 use crate::cli::common::{EmbeddingArguments, Session, Surface};
 use crate::cli::needs;
 use crate::desk::{Choice, correspond};
 use crate::surface::correspondence::Method;
-use crate::surface::field::Contradicted;
+use crate::surface::field::{Contradicted, Expected};
 use crate::surface::{AnchorPairs, PointMap};
 
 /// How points are carried.
@@ -29,6 +31,9 @@ pub(crate) struct MethodArguments {
     /// moves them towards where the others send them
     #[arg(long, value_name = "PART", default_value_t = 0.0)]
     anchor_error: f64,
+    /// Pairs of one side count for both: where both shapes stand symmetrically, half the clicks
+    #[arg(long)]
+    mirror: bool,
 }
 
 fn yes_or_no(text: &str) -> std::result::Result<bool, String> {
@@ -47,13 +52,14 @@ impl MethodArguments {
             align: self.align,
             keep_all: self.keep_all,
             anchor_error: self.anchor_error,
+            mirror: self.mirror,
         }
     }
 
     /// The method for a source that is no surface.
     pub(crate) fn for_points(self) -> Self {
-        let Choice { method, relax, align, keep_all, anchor_error } = self.choice().for_points();
-        Self { method, relax, align, keep_all, anchor_error }
+        let Choice { method, relax, align, keep_all, anchor_error, mirror } = self.choice().for_points();
+        Self { method, relax, align, keep_all, anchor_error, mirror }
     }
 
     /// The name in reports and messages.
@@ -82,6 +88,14 @@ pub(crate) fn prepare(
     let made = correspond(&session.engine, source, target, anchors, &choice, &options, session.progress())?;
     session.bars.finish();
     session.warn_all(&made.notes);
+    if choice.mirror {
+        session.say(&format!(
+            "pairs of one side count for both: {} given, {} of them on the middle line, {} added",
+            anchors.len(),
+            made.middle,
+            made.mirrored.len()
+        ));
+    }
     session.alignment = made.alignment.map(|r| {
         let done = if r.kept { "the target is embedded anew" } else { "the embeddings stay as they are" };
         session.say(&format!(
@@ -91,22 +105,48 @@ pub(crate) fn prepare(
         serde_json::json!(r)
     });
     if let Some(field) = made.map.field() {
-        let told: Vec<String> = field.contradicted.iter().map(|c| contradiction(c, anchors.len())).collect();
+        let told: Vec<String> =
+            field.contradicted.iter().map(|c| contradiction(c, anchors.len(), &made.mirrored)).collect();
         session.warn_all(&told);
+        if let Some(expected) = &field.expected {
+            let at = target.mesh.positions.get(expected.next as usize).copied().unwrap_or_default();
+            session.say(&foretold(expected, at, &target.mesh.name));
+        }
     }
     session.field = made.map.field().map(|f| serde_json::json!(f));
     session.watch.lap("correspondence");
     Ok(made.map)
 }
 
-/// The sentence about a pair that was left out.
-fn contradiction(c: &Contradicted, pairs: usize) -> String {
+/// The sentence about how good the map is.
+fn foretold(expected: &Expected, at: DVec3, target: &str) -> String {
+    let within = |e: Option<f64>| e.map_or("unknown".to_owned(), |e| format!("{:.1} %", 100.0 * e));
+    format!(
+        "expected error, in parts of the square root of the area: {} for half of {target}, {} for 95 %; {:.0} % of it \
+         beyond 2 %; a pair would help most at vertex {} ({:.4} {:.4} {:.4})",
+        within(expected.median),
+        within(expected.p95),
+        100.0 * expected.beyond,
+        expected.next,
+        at.x,
+        at.y,
+        at.z
+    )
+}
+
+/// The sentence about a pair that was left out; those after `pairs` are mirror images.
+fn contradiction(c: &Contradicted, pairs: usize, mirrored: &[usize]) -> String {
     let Contradicted { index, off, exchanged_with } = *c;
+    let name = |i: usize| match i.checked_sub(pairs).and_then(|k| mirrored.get(k)) {
+        Some(of) => format!("the mirror image of pair {of}"),
+        None => format!("pair {i}"),
+    };
     let what = match exchanged_with {
-        Some(other) => format!("it looks exchanged with pair {other}: exchange their points on one side"),
+        Some(other) => format!("it looks exchanged with {}: exchange their points on one side", name(other)),
         None => "correct it, or use it with --keep-all".to_owned(),
     };
     format!(
-        "pair {index} of {pairs} is left out: the others send it {off:.2} of the square root of the area away; {what}"
+        "{} of {pairs} is left out: the others send it {off:.2} of the square root of the area away; {what}",
+        name(index)
     )
 }

@@ -8,6 +8,7 @@ use crate::surface::alignment::AlignmentReport;
 use crate::surface::correspondence::{CorrespondenceOptions, Method, Shape};
 use crate::surface::gpu::correspondence_on;
 use crate::surface::{AlignmentOptions, AnchorPairs, Embedding, EmbeddingOptions, PointMap, align};
+use crate::tools::anchors::mirrored;
 
 /// How points are carried.
 ///
@@ -18,6 +19,7 @@ use crate::surface::{AlignmentOptions, AnchorPairs, Embedding, EmbeddingOptions,
 /// | `align` | no | whether the target is embedded once more, where anchors left out say it is better |
 /// | `keep_all` | no | whether pairs that the others contradict are used as well |
 /// | `anchor_error` | 0 | what pairs are off by, over the square root of the source's area |
+/// | `mirror` | no | whether pairs of one side count for both |
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Choice {
     /// The method.
@@ -32,12 +34,19 @@ pub struct Choice {
     /// What pairs are off by, root mean square, over the square root of the source's area, for
     /// `Field`: 0 where they are held.
     pub anchor_error: f64,
+    /// Whether pairs of one side count for both, with any method, where both shapes are their own
+    /// mirror images.
+    pub mirror: bool,
 }
 
 /// A map, and how it came about.
 pub struct Made {
     /// From points of the target to points of the source; owns what it needs.
     pub map: Box<dyn PointMap + Send>,
+    /// For each pair that was added as the mirror image of another one the number of that one.
+    pub mirrored: Vec<usize>,
+    /// How many of those given lie on the middle lines and count once.
+    pub middle: usize,
     /// What became of an alignment that was asked for.
     pub alignment: Option<AlignmentReport>,
     /// Sentences for the user: why it works on the CPU where a device was asked for.
@@ -114,7 +123,7 @@ impl Choice {
 /// their embeddings, made with `embedding`, where the method needs them ([`Subject::embed`]).
 ///
 /// # Errors
-/// As [`Choice::options`], [`align`] and [`correspondence_on`].
+/// As [`Choice::options`], [`mirrored`], [`align`] and [`correspondence_on`].
 pub fn correspond(
     engine: &Engine,
     source: &Subject,
@@ -125,6 +134,8 @@ pub fn correspond(
     progress: &dyn Progress,
 ) -> Result<Made> {
     let options = choice.options()?;
+    let both = choice.mirror.then(|| mirrored(source.shape(), target.shape(), anchors)).transpose()?;
+    let anchors = both.as_ref().map_or(anchors, |b| &b.pairs);
     let mut alignment = None;
     let mut aligned: Option<Embedding> = None;
     if choice.align {
@@ -140,7 +151,8 @@ pub fn correspond(
     // The target keeps its own embedding: another pair may want another.
     let shape = Shape { embedding: aligned.as_ref().or(target.embedding.as_ref()), ..target.shape() };
     let (map, note) = correspondence_on(engine, source.shape(), shape, anchors, &options)?;
-    Ok(Made { map, alignment, notes: note.into_iter().collect() })
+    let (mirrored, middle) = both.map_or((Vec::new(), 0), |b| (b.of, b.middle));
+    Ok(Made { map, mirrored, middle, alignment, notes: note.into_iter().collect() })
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ mod body;
 mod cage;
 mod cast;
 mod character;
+mod outfit;
 mod paint;
 mod pair;
 pub mod polygons;
@@ -18,6 +19,8 @@ mod subdivision;
 mod walk;
 
 pub use character::Character;
+#[doc(hidden)]
+pub use outfit::{Dressed, Outfit, dressed};
 #[doc(hidden)]
 pub use pair::ModelPair;
 pub use pair::{character_pair, stout, strider};

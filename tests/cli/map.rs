@@ -78,6 +78,35 @@ fn there_and_back_is_reported() {
 }
 
 #[test]
+fn pairs_of_one_side_count_for_both() {
+    let f = spheres();
+    let plain = f.run(MAP).succeeds();
+    assert!(!plain.stdout.contains("count for both"), "{}", plain.stdout);
+    let (half, whole) = (f.run(&format!("{MAP} --mirror")).succeeds(), f.json("a.json"));
+    let given = whole["source"].as_array().unwrap().len();
+    assert!(half.stderr.contains(&format!("pairs of one side count for both: {given} given")), "{}", half.stderr);
+    // With any method, and not where a shape is no mirror image of itself.
+    f.run(&format!("{MAP} --mirror --method rbf")).succeeds();
+    f.write("lame.obj", "v 0 0 0\nv 3 0 0\nv 0 1 0\nv 0 0 2\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n");
+    f.write("pairs.txt", "0 0\n");
+    let lame = "map --source lame.obj --target lame.obj --anchors pairs.txt --mirror -o m.csv --overwrite";
+    f.run(lame).fails(2, &["lame", "mirror image", "--mirror"]);
+}
+
+#[test]
+fn a_map_says_what_it_is_worth() {
+    let f = spheres();
+    let told = f.run(MAP).succeeds().stdout;
+    let line = told.lines().find(|l| l.contains("expected error")).unwrap_or_else(|| panic!("{told}"));
+    assert!(line.contains("for 95 %") && line.contains("would help most at vertex"), "{line}");
+    let expected = &f.json("r.json")["field"]["expected"];
+    let (median, p95) = (expected["median"].as_f64().unwrap(), expected["p95"].as_f64().unwrap());
+    assert!(0.0 < median && median <= p95 && p95 < 0.2, "{expected}");
+    // Methods that have no evidence say nothing.
+    assert!(!f.run(&format!("{MAP} --method rbf")).succeeds().stdout.contains("expected error"));
+}
+
+#[test]
 fn what_is_relaxed_is_a_choice_where_there_is_one() {
     let f = spheres();
     let table = |options: &str| {

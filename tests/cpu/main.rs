@@ -11,6 +11,7 @@ mod control;
 mod embedded;
 mod embedding;
 mod encoding;
+mod few_pairs;
 mod field;
 mod io;
 mod models;

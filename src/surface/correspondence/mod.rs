@@ -112,6 +112,8 @@ impl CorrespondenceOptions {
     pub(crate) fn field(&self) -> FieldOptions {
         FieldOptions {
             relax: self.relax.unwrap_or(true),
+            relaxation: None,
+            lambda: None,
             confidence: self.confidence,
             keep_all: self.keep_all,
             anchor_error: self.anchor_error,

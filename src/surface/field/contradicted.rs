@@ -28,6 +28,13 @@ pub struct Contradicted {
     pub exchanged_with: Option<usize>,
 }
 
+/// A field, the pairs that it has, and those that they contradict.
+pub(super) struct Judged<const K: usize> {
+    pub(super) field: Field<f64, K>,
+    pub(super) kept: Vec<usize>,
+    wrong: Vec<Contradicted>,
+}
+
 /// Fewer pairs say nothing about one another.
 const FEWEST: usize = 8;
 /// Error of a wrong pair, at least, over the square root of the area.
@@ -55,11 +62,7 @@ impl<const D: usize> FieldPair<'_, D> {
     ///
     /// # Errors
     /// As [`FieldPair::field`].
-    pub(super) fn judged<const K: usize>(
-        &self,
-        anchors: &AnchorPairs,
-        options: &FieldOptions,
-    ) -> Result<Field<f64, K>> {
+    pub(super) fn judged<const K: usize>(&self, anchors: &AnchorPairs, options: &FieldOptions) -> Result<Judged<K>> {
         let mut field: Field<f64, K> = Field::of(self, anchors, options)?;
         let least = LEAST.max(OF_TOLERANCE * options.anchor_error);
         let mut kept: Vec<usize> = (0..anchors.len()).collect();
@@ -89,7 +92,7 @@ impl<const D: usize> FieldPair<'_, D> {
             field = without;
         }
         if out.is_empty() {
-            return Ok(field);
+            return Ok(Judged { field, kept, wrong: Vec::new() });
         }
         // What was taken out while a wrong pair accused it comes back.
         let bound = least.max(OF_USUAL * median(&field.report.left_out));
@@ -100,12 +103,11 @@ impl<const D: usize> FieldPair<'_, D> {
             kept.sort_unstable();
             field = Field::of(self, &anchors.part(&kept), options)?;
         }
-        self.name(&mut field, anchors, &kept, wrong);
-        Ok(field)
+        Ok(Judged { field, kept, wrong })
     }
 
     /// How far from its place the field sends the pair of this number, at unit area.
-    fn off<const K: usize>(&self, field: &Field<f64, K>, anchors: &AnchorPairs, i: usize) -> f64 {
+    pub(super) fn off<const K: usize>(&self, field: &Field<f64, K>, anchors: &AnchorPairs, i: usize) -> f64 {
         self.between(field, &anchors.target[i], &anchors.source[i])
     }
 
@@ -116,21 +118,20 @@ impl<const D: usize> FieldPair<'_, D> {
     }
 
     /// Writes what was left out into the report, whose errors are those of all pairs again.
-    fn name<const K: usize>(
-        &self,
-        field: &mut Field<f64, K>,
-        anchors: &AnchorPairs,
-        kept: &[usize],
-        mut wrong: Vec<Contradicted>,
-    ) {
+    pub(super) fn name<const K: usize>(&self, judged: Judged<K>, anchors: &AnchorPairs) -> Field<f64, K> {
+        let Judged { mut field, kept, mut wrong } = judged;
+        if wrong.is_empty() {
+            return field;
+        }
+        wrong.iter_mut().for_each(|o| o.off = self.off(&field, anchors, o.index));
         let mut errors = vec![0.0; anchors.len()];
         kept.iter().zip(&field.report.left_out).for_each(|(&i, e)| errors[i] = *e);
         wrong.iter().for_each(|o| errors[o.index] = o.off);
         let exchanged = |o: &Contradicted, other: &Contradicted| {
             let near = 0.3 * o.off.min(other.off);
             o.index != other.index
-                && self.between(field, &anchors.target[o.index], &anchors.source[other.index]) < near
-                && self.between(field, &anchors.target[other.index], &anchors.source[o.index]) < near
+                && self.between(&field, &anchors.target[o.index], &anchors.source[other.index]) < near
+                && self.between(&field, &anchors.target[other.index], &anchors.source[o.index]) < near
         };
         let with: Vec<Option<usize>> =
             wrong.iter().map(|o| wrong.iter().find(|w| exchanged(o, w)).map(|w| w.index)).collect();
@@ -138,6 +139,7 @@ impl<const D: usize> FieldPair<'_, D> {
         wrong.sort_by_key(|o| o.index);
         field.report.left_out = errors;
         field.report.contradicted = wrong;
+        field
     }
 }
 

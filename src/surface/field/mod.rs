@@ -10,19 +10,23 @@
 //! where they are. A point between vertices is interpolated and projected (Phong projection of
 //! Panozzo et al. 2013, in more dimensions): no pass over the anchors.
 
+mod chosen;
 pub(super) mod closest;
 mod contradicted;
+mod expected;
 mod islands;
 mod judges;
 mod loosened;
 mod pair;
 mod predict;
+mod pulled;
 mod radial;
 mod relax;
 mod relief;
 mod repair;
 mod report;
 mod rigid;
+mod rim;
 mod session;
 mod strain;
 
@@ -30,14 +34,17 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 pub use self::contradicted::Contradicted;
+pub use self::expected::Expected;
 pub use self::pair::FieldPair;
 use self::pair::Shapes;
+pub use self::relax::Relaxation;
 pub use self::report::{FieldOptions, FieldReport};
 pub use self::session::{Edit, FieldSession};
 
 use self::closest::{ClosestOnSurface, FLAT};
 use self::islands::Islands;
-use self::predict::Point;
+use self::predict::{Known, Point};
+use self::pulled::Pulled;
 use self::relax::{Pins, Tie, factors, relax, stiffness};
 use self::relief::Relief;
 use self::repair::{Images, Repaired};
@@ -153,7 +160,7 @@ impl<S: Real> Field<S, 4> {
             unit: 1.0,
             error: usual_error(anchors.len()),
         };
-        Self::drawn(&shapes, predicted, anchors, true)
+        Self::drawn(&shapes, predicted, anchors, Relaxation::Planes, true)
     }
 }
 
@@ -180,6 +187,9 @@ impl<S: Real, const K: usize> Field<S, K> {
         let system = dense_bytes(anchors.target.len() as u64 + K as u64 + 1, 4);
         control::require(system, || format!("the field of {} pairs", anchors.target.len()))?;
         let known = pair.known(anchors);
+        if pair.is_self_map() {
+            return Self::of_self(pair, &known, anchors, options);
+        }
         let judges = known.judges();
         control::check()?;
         let (embedded, spatial) = (known.embedded(judges.as_ref()), known.spatial(judges.as_ref()));
@@ -189,7 +199,8 @@ impl<S: Real, const K: usize> Field<S, K> {
         let ratio = (embedded.error() + EXACT) / (spatial.error() + EXACT);
         // Weights by errors would be their ratio; its square relies on the better one more than
         // that, and maps are better for it (docs/methods.md).
-        let lambda = if ratio.is_finite() { (ratio * ratio).clamp(LAMBDA[0], LAMBDA[1]) } else { 1.0 };
+        let usual = if ratio.is_finite() { ratio * ratio } else { 1.0 };
+        let lambda = options.lambda.unwrap_or(usual).clamp(LAMBDA[0], LAMBDA[1]);
         let image = |v: usize| {
             let vertex = &from.surface.vertices[v];
             let place = (vertex.y.map(|x| x * from.edge), vertex.t);
@@ -209,7 +220,7 @@ impl<S: Real, const K: usize> Field<S, K> {
             unit: lambda,
             error: if spatial.error().is_finite() { spatial.error() } else { usual_error(known.a.len()) },
         };
-        let mut field = Self::drawn(shapes, predicted, anchors, options.relax)?;
+        let mut field = Self::drawn(shapes, predicted, anchors, options.relaxation(), options.relax)?;
         // A step along the surface is this much longer in both spaces together, and so is what a
         // projection is off by.
         field.unit /= (1.0 + lambda * lambda).sqrt();
@@ -228,12 +239,11 @@ impl<S: Real, const K: usize> Field<S, K> {
             })
             .collect();
         if options.confidence {
-            let counted: Vec<f64> = left_out.iter().map(|l| l * few(left_out.len())).collect();
+            let times = few(left_out.len()) * options.relaxation().surprise();
+            let counted: Vec<f64> = left_out.iter().map(|l| l * times).collect();
             field.drift = spread_drift(&from.surface, from.edge, &known.a, &counted);
-            // Nobody vouches for what is turned over.
-            for v in field.turned.iter().flat_map(|&t| field.triangles[t]) {
-                field.drift[v as usize] = f64::INFINITY;
-            }
+            field.doubt_turned();
+            field.doubt_what_is_beyond(shapes, image);
         }
         let (turned, reseated) = (field.report.turned, field.report.reseated);
         field.report = FieldReport {
@@ -242,15 +252,80 @@ impl<S: Real, const K: usize> Field<S, K> {
             embedded: embedded.parts.clone(),
             spatial: spatial.parts.clone(),
             lambda,
+            lambda_by_strain: options.lambda.is_some(),
+            relaxation: Some(options.relaxation()),
             left_out,
             contradicted: Vec::new(),
+            expected: field.expected(shapes),
         };
         Ok(field)
     }
 
-    /// The field of a prediction, drawn onto the source if so asked. It vouches for every point,
-    /// since nothing is known of errors.
-    fn drawn(shapes: &Shapes<'_>, predicted: Predicted<'_, K>, anchors: &AnchorPairs, relaxed: bool) -> Result<Self> {
+    /// The field of one mesh twice: the identity but around the pairs that are moved.
+    fn of_self<const D: usize>(
+        pair: &FieldPair<'_, D>,
+        known: &Known<D>,
+        anchors: &AnchorPairs,
+        options: &FieldOptions,
+    ) -> Result<Self> {
+        let FieldPair { shapes, to, .. } = pair;
+        if known.a.is_empty() {
+            return Err(Error::input("there are no anchors", "Give at least one pair"));
+        }
+        let pulled = Pulled::new(known);
+        let own = |v: usize| to.surface.vertices[v].y.map(|x| x * to.edge);
+        let image = |v: usize| {
+            let (y, x) = (own(v), shapes.target_position(v));
+            let (dy, dx) = pulled.as_ref().map_or(([0.0; D], [0.0; 3]), |p| p.at(&y));
+            let y: Vector<f64, D> = std::array::from_fn(|k| y[k] + dy[k]);
+            joined(&y, 1.0, (x + DVec3::from(dx)).to_array())
+        };
+        let predicted = Predicted {
+            source: (0..shapes.source.mesh.vertex_count())
+                .map(|v| joined::<D, K>(&own(v), 1.0, shapes.source_position(v).to_array()))
+                .collect(),
+            image: &image,
+            anchors: known.b.iter().zip(&known.t).map(|(b, t)| joined(b, 1.0, t.to_array())).collect(),
+            apart: known.a.len(),
+            unit: 1.0,
+            error: 0.0,
+        };
+        // Where nothing is pulled there is nothing to be drawn.
+        let relaxation = if pulled.is_some() { options.relaxation() } else { Relaxation::Off };
+        let mut field = Self::drawn(shapes, predicted, anchors, relaxation, options.relax)?;
+        field.unit /= 2.0_f64.sqrt();
+        if options.confidence {
+            field.drift = vec![0.0; field.z.len()];
+            field.doubt_turned();
+        }
+        field.report = FieldReport {
+            embedded: vec![("identity", 1.0)],
+            spatial: vec![("identity", 1.0)],
+            lambda: 1.0,
+            relaxation: Some(options.relaxation()),
+            left_out: vec![0.0; known.a.len()],
+            ..field.report
+        };
+        Ok(field)
+    }
+
+    /// Nobody vouches for what is turned over.
+    fn doubt_turned(&mut self) {
+        for v in self.turned.iter().flat_map(|&t| self.triangles[t]) {
+            self.drift[v as usize] = f64::INFINITY;
+        }
+    }
+
+    /// The field of a prediction, drawn onto the source, and its turned triangles turned back, if
+    /// so asked. It vouches for every point, since nothing is known of errors.
+    fn drawn(
+        shapes: &Shapes<'_>,
+        predicted: Predicted<'_, K>,
+        anchors: &AnchorPairs,
+        relaxation: Relaxation,
+        repaired: bool,
+    ) -> Result<Self> {
+        let relaxed = relaxation.draws();
         let triangles = shapes.target.topology.triangles.clone();
         // Sequential work beside the prediction.
         let surface = || {
@@ -275,9 +350,10 @@ impl<S: Real, const K: usize> Field<S, K> {
         if let Some(factors) = factors? {
             let own = &shapes.source.topology.triangles;
             let unit = predicted.unit / reference.edge;
-            let begun = Relief::new(&shapes.source_places, own, predicted.error * unit);
+            let error = if relaxation.compares_normals() { predicted.error * unit } else { 0.0 };
+            let begun = Relief::new(&shapes.source_places, own, error);
             let places: Vec<Vector<f64, K>> = predicted.anchors.iter().map(|to| framed(&reference, *to)).collect();
-            let pins = Pins { ties: &ties, to: &places, factors: &factors };
+            let pins = Pins { ties: &ties, to: &places, factors: &factors, relaxation };
             let relaxed = relax(&shapes.bending, &closest, begun, [&triangles, own], &pins, &shapes.used, &mut z)?;
             near = relaxed.0;
             relief = Some(relaxed.1);
@@ -299,7 +375,7 @@ impl<S: Real, const K: usize> Field<S, K> {
         };
         let mut start_faces = faces(&z, &starts);
         let mut turned = Repaired::default();
-        if relaxed {
+        if repaired {
             let (z, starts) = (&mut z[..], &mut starts[..]);
             let start_faces = &start_faces;
             turned = Images { shapes, source: &reference, closest: &closest, z, starts, start_faces }.repair(&held)?;
@@ -348,7 +424,9 @@ impl<S: Real, const K: usize> Field<S, K> {
     /// of the anchors as they were given.
     fn vouched_less(mut self, error: f64, before: FieldReport) -> Self {
         self.drift.iter_mut().for_each(|d| *d = d.hypot(error));
-        self.report = FieldReport { left_out: before.left_out, contradicted: before.contradicted, ..self.report };
+        let expected = self.report.expected.map(|e| e.with(error));
+        self.report =
+            FieldReport { left_out: before.left_out, contradicted: before.contradicted, expected, ..self.report };
         self
     }
 

@@ -126,12 +126,22 @@ impl<'a, const D: usize> FieldPair<'a, D> {
     /// # Errors
     /// If there is no anchor, or the relaxation breaks down.
     pub fn field<S: Real, const K: usize>(&self, anchors: &AnchorPairs, options: &FieldOptions) -> Result<Field<S, K>> {
-        let judged = options.relax && !options.keep_all && !self.is_self_map();
-        let field: Field<f64, K> =
-            if judged { self.judged(anchors, options)? } else { Field::of(self, anchors, options)? };
+        // A field that is not relaxed, or of a mesh on itself, has nothing to be judged by.
+        let judging = options.relax && !self.is_self_map();
+        let (field, options) = if judging && !options.keep_all {
+            let mut judged = self.judged(anchors, options)?;
+            let kept = anchors.part(&judged.kept);
+            let (field, options) = self.chosen(judged.field, &kept, options)?;
+            judged.field = field;
+            (self.name(judged, anchors), options)
+        } else {
+            let field: Field<f64, K> = Field::of(self, anchors, options)?;
+            if judging { self.chosen(field, anchors, options)? } else { (field, *options) }
+        };
         if !(options.anchor_error > 0.0) {
             return Ok(field.into_precision());
         }
+        let options = &options;
         let left: Vec<usize> = field.report.contradicted.iter().map(|c| c.index).collect();
         let kept: Vec<usize> = (0..anchors.len()).filter(|i| !left.contains(i)).collect();
         let loosened = self.loosened::<K>(&anchors.part(&kept), options.anchor_error, options)?;
@@ -141,7 +151,7 @@ impl<'a, const D: usize> FieldPair<'a, D> {
 
     /// Whether both surfaces are one mesh: then a pair that contradicts the identity is what the
     /// user wants, a texture that is pulled.
-    fn is_self_map(&self) -> bool {
+    pub(super) fn is_self_map(&self) -> bool {
         let (source, target) = (&self.shapes.source, &self.shapes.target);
         source.topology.triangles == target.topology.triangles && source.mesh.positions == target.mesh.positions
     }

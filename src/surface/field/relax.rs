@@ -20,6 +20,48 @@ const BEND: f64 = 0.25;
 /// The stiffness that keeps anchors, in mean masses of a vertex.
 const ANCHOR: f64 = 1e6;
 
+/// How images are drawn onto the source.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Relaxation {
+    /// Not at all.
+    Off,
+    /// Towards the tangent planes at the closest points: along the surface smoothness alone decides.
+    /// Closest are points whose normals agree. Best where both shapes are one kind of body.
+    Planes,
+    /// The same without a look at normals.
+    PlanesAlone,
+    /// Towards the closest points themselves, whose normals agree: images stay where they were
+    /// predicted. Best where one shape has pieces that the other one lacks.
+    Points,
+    /// The same without a look at normals.
+    PointsAlone,
+}
+
+impl Relaxation {
+    /// Whether images are drawn at all.
+    pub fn draws(self) -> bool {
+        self != Self::Off
+    }
+
+    /// Whether normals are compared.
+    pub(super) fn compares_normals(self) -> bool {
+        matches!(self, Self::Planes | Self::Points)
+    }
+
+    /// How many times what pairs left out miss is to be expected: where shapes are of different
+    /// kinds, predictions are smooth and clothes are not. Chosen on clothes over one body, judged
+    /// on others (`cargo bench --bench packs`).
+    pub(super) fn surprise(self) -> f64 {
+        if self == Self::Points { 2.0 } else { 1.0 }
+    }
+
+    /// Whether images may slide along the source.
+    fn slides(self) -> bool {
+        matches!(self, Self::Planes | Self::PlanesAlone)
+    }
+}
+
 /// A point of the target: its triangle's vertices and barycentric coordinates.
 pub(super) type Tie = ([u32; 3], [f64; 3]);
 
@@ -31,6 +73,8 @@ pub(super) struct Pins<'a, const K: usize> {
     pub(super) to: &'a [Vector<f64, K>],
     /// The systems of all stages with these points held: [`factors`].
     pub(super) factors: &'a [SparseCholesky],
+    /// How images are drawn.
+    pub(super) relaxation: Relaxation,
 }
 
 /// The first stiffness for so many anchors: what bends between anchors at unit area.
@@ -60,7 +104,8 @@ fn pin_weight(bending: &Bending) -> f64 {
 /// coordinates, so the system is not solved but iterated with the steps: `M d` stands on the left
 /// for `M N d`, and what the last step did along the surface, `M (1 - N) d`, on the right. One
 /// solve a step, and where steps no longer change they are those of the whole system. What it gains
-/// over pulling to the points themselves stands in docs/methods.md. Vertices that are not `used`
+/// over pulling to the points themselves stands in docs/methods.md; with [`Relaxation::Points`] it
+/// pulls to them, and N is the identity. Vertices that are not `used`
 /// stay.
 ///
 /// Gives the triangle of the source each image is nearest to. 18 steps. The closest points, with
@@ -99,7 +144,11 @@ pub(super) fn relax<const K: usize>(
                         Some(c) if step > 0 => source.follow(place, c.face),
                         c => source.near_or_facing(place, c.as_ref(), &facing),
                     };
-                    let pull = |c: &Closest| add_scaled(&sub(&source.point(c), &z[v]), 1.0, &source.along(c, &last[v]));
+                    let slides = pins.relaxation.slides();
+                    let pull = |c: &Closest| {
+                        let to = sub(&source.point(c), &z[v]);
+                        if slides { add_scaled(&to, 1.0, &source.along(c, &last[v])) } else { to }
+                    };
                     (found, found.as_ref().map_or([0.0; K], pull))
                 })
                 .collect();

@@ -29,6 +29,7 @@ pub(super) struct Relief {
 
 impl Relief {
     /// `error` is that of the images, in their frame.
+    /// Zero for one that compares nothing.
     pub(super) fn new(positions: &[DVec3], triangles: &[[u32; 3]], error: f64) -> Self {
         let weight = WEIGHT * error;
         let source = normals(positions, triangles, weight);

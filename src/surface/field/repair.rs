@@ -39,6 +39,9 @@ const WAYS: usize = 5;
 /// Triangles of patches that are worked on at most, all in all, beside a quarter of the target's:
 /// what bounds a repair.
 const WORK: usize = 50_000;
+/// An image moves no farther than this, over the square root of the source's area: what must go
+/// farther is not a fold but a part that lies elsewhere, and a map loses more than it gains.
+const FARTHEST: f64 = 0.04;
 /// A map that turns more than one triangle of so many is not one to be repaired.
 const HOPELESS: usize = 10;
 
@@ -83,8 +86,8 @@ struct Way {
 
 impl<const K: usize> Images<'_, K> {
     /// Gives the vertices of turned triangles new images, then those of rings around them where
-    /// that does not help. A patch is kept only if fewer of its triangles are turned. Vertices of
-    /// `held` stay. `O(F)`, and what turned triangles take, within bounds.
+    /// that does not help. A patch is kept only if fewer of its triangles are turned and no image
+    /// moves far. Vertices of `held` stay. `O(F)`, and what turned triangles take, within bounds.
     ///
     /// # Errors
     /// [`Error::Cancelled`](crate::Error::Cancelled).
@@ -127,6 +130,12 @@ impl<const K: usize> Images<'_, K> {
             let found: Vec<_> = tasks.par_iter().map(|t| this.untangled(&t.0, &t.1, &seen, &normals, way)).collect();
             for ((patch, _, corners, reached), images) in tasks.into_iter().zip(found) {
                 let Some(images) = images else { continue };
+                let far = |(&v, p): (&usize, &SurfacePoint)| {
+                    seen[v].is_some_and(|(image, _)| self.shapes.source_point(p).distance(image.0) > FARTHEST)
+                };
+                if patch.iter().zip(&images).any(far) {
+                    continue;
+                }
                 let count = |seen: &[Seen]| reached.iter().filter(|&&t| bad(seen, t)).count();
                 let was = count(&seen);
                 let replace = |p: &SurfacePoint| Closest { face: p.face, x: p.barycentric, distance_squared: 0.0 };

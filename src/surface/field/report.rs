@@ -1,6 +1,6 @@
 //! What a field is asked for, and what it chose.
 
-use super::Contradicted;
+use super::{Contradicted, Expected, Relaxation};
 
 /// What a field is made of.
 #[derive(Clone, Copy, Debug)]
@@ -8,6 +8,11 @@ pub struct FieldOptions {
     /// Whether the images of vertices are drawn onto the source. Default true; without it a change
     /// of anchors costs far less.
     pub relax: bool,
+    /// How they are drawn. Default none: chosen by what anchors say that are left out. Where it is
+    /// given, lambda is not chosen by strain either.
+    pub relaxation: Option<Relaxation>,
+    /// Weight of places in space over places in the embedding. Default none: chosen.
+    pub lambda: Option<f64>,
     /// Whether points get a confidence. Default true.
     pub confidence: bool,
     /// Whether pairs that the others contradict are used as well. Default false; a field that is
@@ -21,7 +26,14 @@ pub struct FieldOptions {
 
 impl Default for FieldOptions {
     fn default() -> Self {
-        Self { relax: true, confidence: true, keep_all: false, anchor_error: 0.0 }
+        Self { relax: true, relaxation: None, lambda: None, confidence: true, keep_all: false, anchor_error: 0.0 }
+    }
+}
+
+impl FieldOptions {
+    /// The relaxation that is asked for, the usual one where none is.
+    pub(super) fn relaxation(&self) -> Relaxation {
+        if self.relax { self.relaxation.unwrap_or(Relaxation::Planes) } else { Relaxation::Off }
     }
 }
 
@@ -34,11 +46,19 @@ pub struct FieldReport {
     pub spatial: Vec<(&'static str, f64)>,
     /// Weight of places in space.
     pub lambda: f64,
+    /// Whether it is not what predictions chose: another one strains the map much less, or it was
+    /// given.
+    pub lambda_by_strain: bool,
+    /// How images were drawn onto the source.
+    pub relaxation: Option<Relaxation>,
     /// For each anchor how far the others would have missed it, over the square root of the
     /// source's area; empty where no anchor was left out.
     pub left_out: Vec<f64>,
     /// Pairs that the others contradict, rising: the field does without them.
     pub contradicted: Vec<Contradicted>,
+    /// The error to be expected; none where nothing is known of it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub expected: Option<Expected>,
     /// Vertices whose images lay apart from those of their neighbours and took their place from
     /// these.
     pub reseated: usize,

@@ -60,7 +60,11 @@ impl<'a, S: Real, const D: usize, const K: usize> FieldSession<'a, S, D, K> {
         check(&pair, &anchors)?;
         // Whoever drags a pair wants it there.
         let options = FieldOptions { keep_all: true, ..*options };
-        let field = pair.field(&anchors, &options)?;
+        let field: Field<S, K> = pair.field(&anchors, &options)?;
+        // Edits keep what was chosen: a choice costs several fields.
+        let report = &field.report;
+        let lambda = options.lambda.or(report.lambda_by_strain.then_some(report.lambda));
+        let options = FieldOptions { lambda, relaxation: report.relaxation.or(options.relaxation), ..options };
         let factor = pair.shapes.bending.factorise(SOFT * stiffness(anchors.len()), &[], 0.0)?;
         let mut session = Self { pair, options, anchors, field, factor, columns: Vec::new() };
         let targets = session.anchors.target.clone();

@@ -12,6 +12,7 @@
 
 mod connectivity;
 mod extremities;
+mod mirror;
 mod outliers;
 mod propose;
 mod register;
@@ -20,6 +21,7 @@ mod side;
 mod suggest;
 
 pub use extremities::Extremity;
+pub use mirror::{MirrorPlane, Mirrored, mirrored};
 pub use outliers::Outlier;
 pub use suggest::{Suggestion, suggest};
 
