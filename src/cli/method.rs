@@ -1,7 +1,5 @@
 //! The correspondence as the command line asks for it.
 
-use glam::DVec3;
-
 use crate::Result;
 use crate::cli::common::{EmbeddingArguments, Session, Surface};
 use crate::cli::needs;
@@ -109,8 +107,7 @@ pub(crate) fn prepare(
             field.contradicted.iter().map(|c| contradiction(c, anchors.len(), &made.mirrored)).collect();
         session.warn_all(&told);
         if let Some(expected) = &field.expected {
-            let at = target.mesh.positions.get(expected.next as usize).copied().unwrap_or_default();
-            session.say(&foretold(expected, at, &target.mesh.name));
+            session.say(&foretold(expected, &target.mesh.name));
         }
     }
     session.field = made.map.field().map(|f| serde_json::json!(f));
@@ -119,7 +116,8 @@ pub(crate) fn prepare(
 }
 
 /// The sentence about how good the map is.
-fn foretold(expected: &Expected, at: DVec3, target: &str) -> String {
+fn foretold(expected: &Expected, target: &str) -> String {
+    let [x, y, z] = expected.place;
     let within = |e: Option<f64>| e.map_or("unknown".to_owned(), |e| format!("{:.1} %", 100.0 * e));
     format!(
         "expected error, in parts of the square root of the area: {} for half of {target}, {} for 95 %; {:.0} % of it \
@@ -128,9 +126,9 @@ fn foretold(expected: &Expected, at: DVec3, target: &str) -> String {
         within(expected.p95),
         100.0 * expected.beyond,
         expected.next,
-        at.x,
-        at.y,
-        at.z
+        x,
+        y,
+        z
     )
 }
 

@@ -22,8 +22,9 @@ pub(crate) struct Need {
 
 /// A mesh posed by handles: its hierarchy and the decoder.
 pub(crate) const DEFORM: Need = Need { what: "a pose", vertex: 3300, frame: 0 };
-/// As [`DEFORM`], and frames in parallel. A frame is kept as it is stored, with its normals' change.
-pub(crate) const ANIMATE: Need = Need { what: "the motion", vertex: 5200, frame: 40 };
+/// As [`DEFORM`], and a group of frames that are finished abreast. A frame is kept as it is stored,
+/// with its normals' change.
+pub(crate) const ANIMATE: Need = Need { what: "the motion", vertex: 7900, frame: 40 };
 /// Texture coordinates.
 pub(crate) const UNWRAP: Need = Need { what: "charts", vertex: 1300, frame: 0 };
 /// Ends of a morph, without anything between.

@@ -84,7 +84,7 @@ fn pairs_of_one_side_count_for_both() {
     assert!(!plain.stdout.contains("count for both"), "{}", plain.stdout);
     let (half, whole) = (f.run(&format!("{MAP} --mirror")).succeeds(), f.json("a.json"));
     let given = whole["source"].as_array().unwrap().len();
-    assert!(half.stderr.contains(&format!("pairs of one side count for both: {given} given")), "{}", half.stderr);
+    assert!(half.stdout.contains(&format!("pairs of one side count for both: {given} given")), "{}", half.stdout);
     // With any method, and not where a shape is no mirror image of itself.
     f.run(&format!("{MAP} --mirror --method rbf")).succeeds();
     f.write("lame.obj", "v 0 0 0\nv 3 0 0\nv 0 1 0\nv 0 0 2\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n");

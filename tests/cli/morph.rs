@@ -132,7 +132,7 @@ fn masks_and_outputs_that_do_not_fit_are_told() {
     f.run("morph a.obj b.obj -o out.obj --mask range.txt").fails(1, &["range.txt", "vertex 0"]);
     f.run("morph a.obj b.obj -o out.obj --mask words.txt").fails(1, &["words.txt", "line 1"]);
     f.run("morph a.obj b.obj -o out.obj --mask a.obj").fails(1, &["a.obj"]);
-    f.run("morph a.obj b.obj -o none/such/out.glb").fails(1, &["none"]);
+    f.run("morph a.obj b.obj -o a.obj/such/out.glb").fails(1, &["a.obj"]);
     assert_eq!(f.run("morph a.obj b.obj -o out --mask short.txt --weights 0.5,0.5").code, Some(2));
     f.run("morph a.obj b.obj -o out.glb --seconds 0").fails(2, &["seconds"]);
     f.write("anchors.txt", "99999\n");
@@ -241,7 +241,7 @@ fn pairs_that_do_not_fit_are_told() {
     f.write("one.json", r#"{"anchors": [0, 50, 100, 200]}"#);
     f.run("morph s.obj t.obj --pairs one.json -o bad").fails(1, &["one.json", "pairs are needed"]);
     assert_eq!(f.run("morph s.obj t.obj -o bad --compatible c.obj").code, Some(2));
-    f.run("morph s.obj t.obj --pairs a.json -o bad --compatible none/such/c.obj").fails(1, &["none"]);
+    f.run("morph s.obj t.obj --pairs a.json -o bad --compatible s.obj/such/c.obj").fails(1, &["s.obj"]);
     // Two pairs that contradict one another are told.
     let pairs = f.json("a.json");
     let list = |side: &str, change: &dyn Fn(&mut Vec<serde_json::Value>)| {

@@ -199,8 +199,11 @@ fn sizes_from_one_texel_up() {
 #[test]
 fn memory_is_a_limit() {
     let f = Folder::spheres();
-    f.run(&format!("{TRANSFER} -o o.png")).succeeds();
-    f.run(&format!("{TRANSFER} -o small.png --memory 3M --report r.json")).succeeds();
+    // A map by `field` takes more.
+    let transport = format!("{TRANSFER} --method transport");
+    f.run(&format!("{transport} -o o.png")).succeeds();
+    f.run(&format!("{transport} -o small.png --memory 3M --report r.json")).succeeds();
+    f.run(&format!("{TRANSFER} -o none.png --memory 3M")).fails(1, &["the map from t.obj", "memory"]);
     let report: Value = f.json("r.json");
     assert!(report["memory"].as_u64().unwrap() <= 3 << 20, "{report}");
     assert_eq!(f.bytes("o.png"), f.bytes("small.png"), "bands do not show");

@@ -39,7 +39,8 @@ impl<const D: usize> FieldPair<'_, D> {
         anchors: &AnchorPairs,
         options: &FieldOptions,
     ) -> Result<(Field<f64, K>, FieldOptions)> {
-        if options.relaxation.is_some() {
+        // A map that nobody has to vouch for is a step of something else.
+        if options.relaxation.is_some() || !options.confidence {
             return Ok((field, *options));
         }
         let usable = self.shapes.target.topology.usable.iter().filter(|u| **u).count();

@@ -22,7 +22,10 @@ pub struct Expected {
     /// Share of the area that is expected to be off by more than 0.02, or not vouched for.
     pub beyond: f64,
     /// Vertex of the target where another pair would help most: that of the largest error.
+    #[serde(skip)]
     pub next: u32,
+    /// Where that is.
+    pub place: [f64; 3],
 }
 
 impl Expected {
@@ -38,7 +41,12 @@ impl<S: Real, const K: usize> Field<S, K> {
     pub(super) fn expected(&self, shapes: &Shapes<'_>) -> Option<Expected> {
         let mut all: Vec<(f64, u32)> =
             self.drift.iter().zip(0..).filter(|(_, v)| shapes.used[*v as usize]).map(|(d, v)| (*d, v)).collect();
-        all.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
+        // By places where errors are equal: numbers differ between files of one surface.
+        let place = |v: u32| shapes.target.mesh.positions[v as usize].to_array();
+        let by_place = |a: u32, b: u32| {
+            place(a).iter().zip(place(b)).map(|(a, b)| a.total_cmp(&b)).find(|o| o.is_ne()).unwrap_or(a.cmp(&b))
+        };
+        all.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| by_place(a.1, b.1)));
         let mass = |v: u32| shapes.bending.mass[v as usize];
         let area: f64 = all.iter().map(|(_, v)| mass(*v)).sum();
         let quantile = |part: f64| {
@@ -52,6 +60,7 @@ impl<S: Real, const K: usize> Field<S, K> {
         // What is not vouched for at all comes last: there the largest number that is one counts.
         let next = all.iter().rev().find(|(d, _)| d.is_finite()).or(all.last())?.1;
         let beyond = all.iter().filter(|(d, _)| !(*d <= SHOWS)).map(|(_, v)| mass(*v)).sum::<f64>();
-        Some(Expected { median: quantile(0.5), p95: quantile(0.95), beyond: beyond / area, next })
+        let beyond = (beyond / area).max(0.0);
+        Some(Expected { median: quantile(0.5), p95: quantile(0.95), beyond, next, place: place(next) })
     }
 }

@@ -39,11 +39,13 @@ const WAYS: usize = 5;
 /// Triangles of patches that are worked on at most, all in all, beside a quarter of the target's:
 /// what bounds a repair.
 const WORK: usize = 50_000;
-/// An image moves no farther than this, over the square root of the source's area: what must go
-/// farther is not a fold but a part that lies elsewhere, and a map loses more than it gains.
+/// An image moves no farther than this, over the square root of the source's area, or than so many
+/// edges of the target: what must go farther is not a fold but a part that lies elsewhere, and a
+/// map loses more than it gains.
 const FARTHEST: f64 = 0.04;
+const EDGES: f64 = 2.0;
 /// A map that turns more than one triangle of so many is not one to be repaired.
-const HOPELESS: usize = 10;
+const HOPELESS: usize = 4;
 
 /// The images of a target's vertices, as they are repaired.
 pub(super) struct Images<'a, const K: usize> {
@@ -105,6 +107,9 @@ impl<const K: usize> Images<'_, K> {
         let bad = |seen: &[Seen], t: usize| usable[t] && over(seen, t) != mirrored;
         let mut left: Vec<usize> = all.iter().copied().filter(|&t| bad(&seen, t)).collect();
         let before = left.len();
+        // Of as many equilateral triangles.
+        let edge = (4.0 / (3.0_f64.sqrt() * all.len().max(1) as f64)).sqrt();
+        let farthest = FARTHEST.max(EDGES * edge);
         let mut work = all.len() / 4 + WORK;
         for (way, rings) in (0..WAYS).flat_map(|way| (0..=RINGS).map(move |rings| (way, rings))) {
             if left.is_empty() || HOPELESS * left.len() > all.len() {
@@ -131,7 +136,7 @@ impl<const K: usize> Images<'_, K> {
             for ((patch, _, corners, reached), images) in tasks.into_iter().zip(found) {
                 let Some(images) = images else { continue };
                 let far = |(&v, p): (&usize, &SurfacePoint)| {
-                    seen[v].is_some_and(|(image, _)| self.shapes.source_point(p).distance(image.0) > FARTHEST)
+                    seen[v].is_some_and(|(image, _)| self.shapes.source_point(p).distance(image.0) > farthest)
                 };
                 if patch.iter().zip(&images).any(far) {
                     continue;

@@ -13,7 +13,8 @@ pub struct FieldOptions {
     pub relaxation: Option<Relaxation>,
     /// Weight of places in space over places in the embedding. Default none: chosen.
     pub lambda: Option<f64>,
-    /// Whether points get a confidence. Default true.
+    /// Whether points get a confidence. Default true; without it neither lambda nor the relaxation
+    /// is looked at again.
     pub confidence: bool,
     /// Whether pairs that the others contradict are used as well. Default false; a field that is
     /// not relaxed has them all, and so has a mesh on itself.
