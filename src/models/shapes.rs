@@ -12,6 +12,7 @@ use glam::{DVec2, DVec3};
 use crate::geometry::{Corner, Mesh, MeshBuilder, NONE};
 
 /// How the quads of a grid are cut into triangles.
+#[doc(hidden)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Diagonal {
     /// From the quad's (0, 0) to its (1, 1).
@@ -88,6 +89,7 @@ impl Grid<'_> {
 /// over the unit square.
 ///
 /// Vertex `(i, j)` has the index `j * (nx + 1) + i`.
+#[doc(hidden)]
 pub fn plane_grid(nx: usize, ny: usize, width: f64, height: f64, diagonal: Diagonal) -> Mesh {
     irregular_plane(nx, ny, width, height, diagonal, 0.0, 0)
 }
@@ -157,6 +159,7 @@ pub fn uv_sphere(radius: f64, slices: usize, stacks: usize) -> Mesh {
 ///
 /// Vertex `(i, j)` has the index `j * n + i`, `i` around the axis; texture coordinates over the
 /// unit square with two seams.
+#[doc(hidden)]
 pub fn torus(major: f64, minor: f64, n: usize, m: usize, diagonal: Diagonal) -> Mesh {
     let (n, m) = (n.max(3), m.max(3));
     let mut positions = Vec::with_capacity(n * m);
@@ -188,6 +191,7 @@ pub fn tube(radius: f64, height: f64, slices: usize, stacks: usize, diagonal: Di
 }
 
 /// The tetrahedron with vertices on the unit sphere, without texture coordinates.
+#[doc(hidden)]
 pub fn tetrahedron() -> Mesh {
     let s = 1.0 / 3f64.sqrt();
     let p = [(1.0, 1.0, 1.0), (1.0, -1.0, -1.0), (-1.0, 1.0, -1.0), (-1.0, -1.0, 1.0)];

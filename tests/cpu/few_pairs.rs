@@ -125,13 +125,13 @@ fn pairs_of_one_side_are_as_good_as_those_of_both() {
 }
 
 #[test]
-fn clothes_are_drawn_to_points_and_bodies_to_planes() {
+fn clothes_lose_nothing_by_being_drawn_and_bodies_are_drawn_to_planes() {
     let body = Embedded::new(Walker::new(0.03).mesh, &options());
     let unit = body.mesh.area().sqrt();
     let clothed =
         Outfit { coat: 0.02, collar: 0.03, boots: 0.015, goggles: 0.015, vertices: 1500, ..Outfit::default() };
     let wide = Outfit { wider: 0.2, ..Outfit::default() };
-    for (outfit, expected) in [(clothed, Relaxation::Points), (wide, Relaxation::Planes)] {
+    for (outfit, of_one_kind) in [(clothed, false), (wide, true)] {
         let worn = dressed(&body.mesh, &outfit).unwrap();
         let target = Embedded::new(worn.mesh, &options());
         let vertices = target.spread(54);
@@ -150,7 +150,7 @@ fn clothes_are_drawn_to_points_and_bodies_to_planes() {
         };
         let ((mean, flipped, chosen), (plain, ..)) = (run(None), run(Some(false)));
         println!("{chosen:?}: {mean}, {flipped} turned; not relaxed {plain}");
-        assert_eq!(chosen, Some(expected));
+        assert!(!of_one_kind || chosen == Some(Relaxation::Planes));
         assert!(mean <= 1.05 * plain && flipped <= 0.01, "{mean} {plain} {flipped}");
     }
 }

@@ -44,7 +44,9 @@ impl<const D: usize> FieldPair<'_, D> {
             return Ok((field, *options));
         }
         let usable = self.shapes.target.topology.usable.iter().filter(|u| **u).count();
-        if field.report.turned[0] as f64 > TURNED * usable as f64 {
+        // What collapses at the rim of a source that is only a part turns over too.
+        let whole = field.report.beyond_rim as f64 <= TURNED * self.shapes.used.len() as f64;
+        if whole && field.report.turned[0] as f64 > TURNED * usable as f64 {
             let options = FieldOptions { relaxation: Some(Relaxation::Points), ..*options };
             return Ok((Field::of(self, anchors, &options)?, options));
         }

@@ -37,6 +37,7 @@ pub use self::contradicted::Contradicted;
 pub use self::expected::Expected;
 pub use self::pair::FieldPair;
 use self::pair::Shapes;
+#[doc(hidden)]
 pub use self::relax::Relaxation;
 pub use self::report::{FieldOptions, FieldReport};
 pub use self::session::{Edit, FieldSession};
@@ -238,12 +239,13 @@ impl<S: Real, const K: usize> Field<S, K> {
                     .map_or(1.0, |c| shapes.source_point(&SurfacePoint::new(c.face, c.x)).distance(known.t[i]))
             })
             .collect();
+        let mut beyond_rim = 0;
         if options.confidence {
             let times = few(left_out.len()) * options.relaxation().surprise();
             let counted: Vec<f64> = left_out.iter().map(|l| l * times).collect();
             field.drift = spread_drift(&from.surface, from.edge, &known.a, &counted);
             field.doubt_turned();
-            field.doubt_what_is_beyond(shapes, image);
+            beyond_rim = field.doubt_what_is_beyond(shapes, image);
         }
         let (turned, reseated) = (field.report.turned, field.report.reseated);
         field.report = FieldReport {
@@ -257,6 +259,7 @@ impl<S: Real, const K: usize> Field<S, K> {
             left_out,
             contradicted: Vec::new(),
             expected: field.expected(shapes),
+            beyond_rim,
         };
         Ok(field)
     }

@@ -39,9 +39,10 @@ const WAYS: usize = 5;
 /// Triangles of patches that are worked on at most, all in all, beside a quarter of the target's:
 /// what bounds a repair.
 const WORK: usize = 50_000;
-/// An image moves no farther than this, over the square root of the source's area, or than so many
-/// edges of the target: what must go farther is not a fold but a part that lies elsewhere, and a
-/// map loses more than it gains.
+/// Of a map that turns more than one triangle of so many an image moves no farther than this, over
+/// the square root of the source's area, or than so many edges of the target: what must go farther
+/// there is not a fold but a part that lies elsewhere, and a map loses more than it gains.
+const MANY: usize = 100;
 const FARTHEST: f64 = 0.04;
 const EDGES: f64 = 2.0;
 /// A map that turns more than one triangle of so many is not one to be repaired.
@@ -88,8 +89,8 @@ struct Way {
 
 impl<const K: usize> Images<'_, K> {
     /// Gives the vertices of turned triangles new images, then those of rings around them where
-    /// that does not help. A patch is kept only if fewer of its triangles are turned and no image
-    /// moves far. Vertices of `held` stay. `O(F)`, and what turned triangles take, within bounds.
+    /// that does not help. A patch is kept only if fewer of its triangles are turned and, where
+    /// many are, no image moves far. Vertices of `held` stay. `O(F)`, and what turned triangles take, within bounds.
     ///
     /// # Errors
     /// [`Error::Cancelled`](crate::Error::Cancelled).
@@ -109,7 +110,7 @@ impl<const K: usize> Images<'_, K> {
         let before = left.len();
         // Of as many equilateral triangles.
         let edge = (4.0 / (3.0_f64.sqrt() * all.len().max(1) as f64)).sqrt();
-        let farthest = FARTHEST.max(EDGES * edge);
+        let farthest = if MANY * before > all.len() { FARTHEST.max(EDGES * edge) } else { f64::INFINITY };
         let mut work = all.len() / 4 + WORK;
         for (way, rings) in (0..WAYS).flat_map(|way| (0..=RINGS).map(move |rings| (way, rings))) {
             if left.is_empty() || HOPELESS * left.len() > all.len() {

@@ -60,6 +60,8 @@ pub struct FieldReport {
     /// The error to be expected; none where nothing is known of it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub expected: Option<Expected>,
+    /// Vertices of the target that lie beyond the rim of the source, and have no image.
+    pub beyond_rim: usize,
     /// Vertices whose images lay apart from those of their neighbours and took their place from
     /// these.
     pub reseated: usize,

@@ -33,14 +33,14 @@ fn sides(topology: &Topology) -> Option<Vec<[bool; 3]>> {
 
 impl<S: Real, const K: usize> Field<S, K> {
     /// Takes all evidence from vertices of the target whose images lie beyond the rim of the
-    /// source; `predicted` has the images before they were drawn. O(V) closest points for
+    /// source, and returns their number; `predicted` has the images before they were drawn. O(V) closest points for
     /// an open source.
     pub(super) fn doubt_what_is_beyond(
         &mut self,
         shapes: &Shapes<'_>,
         predicted: impl Fn(usize) -> Vector<f64, K> + Sync,
-    ) {
-        let Some(sides) = sides(shapes.source.topology) else { return };
+    ) -> usize {
+        let Some(sides) = sides(shapes.source.topology) else { return 0 };
         let own = shapes.target.topology;
         let mut at_boundary = vec![false; self.z.len()];
         for (t, triangle) in own.triangles.iter().enumerate().filter(|(t, _)| own.usable[*t]) {
@@ -64,6 +64,9 @@ impl<S: Real, const K: usize> Field<S, K> {
             began.is_some_and(|c| on_rim(&c, ON_SIDE) && c.distance_squared.sqrt() * unit > BEYOND)
         };
         let beyond: Vec<bool> = (0..z.len()).into_par_iter().map(beyond).collect();
-        self.drift.iter_mut().zip(beyond).filter(|(_, beyond)| *beyond).for_each(|(d, _)| *d = f64::INFINITY);
+        for (drift, _) in self.drift.iter_mut().zip(&beyond).filter(|(_, beyond)| **beyond) {
+            *drift = f64::INFINITY;
+        }
+        beyond.into_iter().filter(|b| *b).count()
     }
 }

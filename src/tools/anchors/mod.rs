@@ -21,7 +21,9 @@ mod side;
 mod suggest;
 
 pub use extremities::Extremity;
-pub use mirror::{MirrorPlane, Mirrored, mirrored};
+pub use mirror::mirrored;
+#[doc(hidden)]
+pub use mirror::{MirrorPlane, Mirrored};
 pub use outliers::Outlier;
 pub use suggest::{Suggestion, suggest};
 
