@@ -62,6 +62,7 @@ impl Control {
     }
 
     /// As [`Control::with_memory`], for the process as a whole: what it has already counts, too.
+    #[cfg_attr(not(feature = "cli"), expect(dead_code, reason = "for the command line"))]
     pub(crate) fn of_process(bytes: u64) -> Self {
         Self { state: Arc::new(State { memory: Some(bytes), whole: true, ..State::default() }) }
     }
@@ -166,7 +167,6 @@ fn budget() -> Option<(u64, u64)> {
 }
 
 /// The bytes that a piece of work may take; no limit without one.
-#[cfg_attr(not(feature = "cli"), expect(dead_code, reason = "for the command line"))]
 pub(crate) fn left() -> u64 {
     budget().map_or(u64::MAX, |(allowed, used)| allowed.saturating_sub(used))
 }

@@ -90,7 +90,9 @@ fn what_lies_beyond_the_rim_of_the_source_is_not_vouched_for() {
         valid / area
     };
     println!("valid: {} of what has an image, {} of the rest", share(true), share(false));
-    assert!(share(false) <= 0.01, "{}", share(false));
+    // One row of edges of 0.04 along a cut of 1.1 around hips and hands, of the 0.9 that are beyond:
+    // nearer to the rim than an edge nobody can say.
+    assert!(share(false) <= 0.05, "{}", share(false));
     assert!(share(true) >= 0.9, "{}", share(true));
 }
 
