@@ -44,8 +44,7 @@ pub use self::session::{Edit, FieldSession};
 
 use self::closest::{ClosestOnSurface, FLAT};
 use self::islands::Islands;
-use self::predict::{Known, Point};
-use self::pulled::Pulled;
+use self::predict::Point;
 use self::relax::{Pins, Tie, factors, relax, stiffness};
 use self::relief::Relief;
 use self::repair::{Images, Repaired};
@@ -260,54 +259,6 @@ impl<S: Real, const K: usize> Field<S, K> {
             contradicted: Vec::new(),
             expected: field.expected(shapes),
             beyond_rim,
-        };
-        Ok(field)
-    }
-
-    /// The field of one mesh twice: the identity but around the pairs that are moved.
-    fn of_self<const D: usize>(
-        pair: &FieldPair<'_, D>,
-        known: &Known<D>,
-        anchors: &AnchorPairs,
-        options: &FieldOptions,
-    ) -> Result<Self> {
-        let FieldPair { shapes, to, .. } = pair;
-        if known.a.is_empty() {
-            return Err(Error::input("there are no anchors", "Give at least one pair"));
-        }
-        let pulled = Pulled::new(known);
-        let own = |v: usize| to.surface.vertices[v].y.map(|x| x * to.edge);
-        let image = |v: usize| {
-            let (y, x) = (own(v), shapes.target_position(v));
-            let (dy, dx) = pulled.as_ref().map_or(([0.0; D], [0.0; 3]), |p| p.at(&y));
-            let y: Vector<f64, D> = std::array::from_fn(|k| y[k] + dy[k]);
-            joined(&y, 1.0, (x + DVec3::from(dx)).to_array())
-        };
-        let predicted = Predicted {
-            source: (0..shapes.source.mesh.vertex_count())
-                .map(|v| joined::<D, K>(&own(v), 1.0, shapes.source_position(v).to_array()))
-                .collect(),
-            image: &image,
-            anchors: known.b.iter().zip(&known.t).map(|(b, t)| joined(b, 1.0, t.to_array())).collect(),
-            apart: known.a.len(),
-            unit: 1.0,
-            error: 0.0,
-        };
-        // Where nothing is pulled there is nothing to be drawn.
-        let relaxation = if pulled.is_some() { options.relaxation() } else { Relaxation::Off };
-        let mut field = Self::drawn(shapes, predicted, anchors, relaxation, options.relax)?;
-        field.unit /= 2.0_f64.sqrt();
-        if options.confidence {
-            field.drift = vec![0.0; field.z.len()];
-            field.doubt_turned();
-        }
-        field.report = FieldReport {
-            embedded: vec![("identity", 1.0)],
-            spatial: vec![("identity", 1.0)],
-            lambda: 1.0,
-            relaxation: Some(options.relaxation()),
-            left_out: vec![0.0; known.a.len()],
-            ..field.report
         };
         Ok(field)
     }

@@ -4,10 +4,16 @@
 //! them. What a pair moves its surroundings follow, less and less with the distance along the
 //! surface; pairs that stay hold theirs. That needs one pair.
 
+use glam::DVec3;
 use nalgebra::{DMatrix, Dyn, linalg::Cholesky};
 
+use super::pair::FieldPair;
 use super::predict::Known;
-use crate::surface::vector::Vector;
+use super::{Field, FieldOptions, FieldReport, Predicted, Relaxation, joined};
+use crate::engine::Real;
+use crate::error::{Error, Result};
+use crate::surface::anchors::AnchorPairs;
+use crate::surface::vector::{Vector, distance_squared};
 
 /// A pull reaches so many times as far as the longest move: the slope of the bump is at most
 /// 135/64 over its reach, so that no part of the surface is pulled over another one, and most of it
@@ -31,7 +37,7 @@ fn bump(r: f64) -> f64 {
 }
 
 fn distance<const D: usize>(a: &Vector<f64, D>, b: &Vector<f64, D>) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+    distance_squared(a, b).sqrt()
 }
 
 impl<const D: usize> Pulled<D> {
@@ -74,10 +80,58 @@ impl<const D: usize> Pulled<D> {
     }
 }
 
+impl<S: Real, const K: usize> Field<S, K> {
+    /// The field of one mesh twice: the identity but around the pairs that are moved.
+    pub(super) fn of_self<const D: usize>(
+        pair: &FieldPair<'_, D>,
+        known: &Known<D>,
+        anchors: &AnchorPairs,
+        options: &FieldOptions,
+    ) -> Result<Self> {
+        let FieldPair { shapes, to, .. } = pair;
+        if known.a.is_empty() {
+            return Err(Error::input("there are no anchors", "Give at least one pair"));
+        }
+        let pulled = Pulled::new(known);
+        let own = |v: usize| to.surface.vertices[v].y.map(|x| x * to.edge);
+        let image = |v: usize| {
+            let (y, x) = (own(v), shapes.target_position(v));
+            let (dy, dx) = pulled.as_ref().map_or(([0.0; D], [0.0; 3]), |p| p.at(&y));
+            let y: Vector<f64, D> = std::array::from_fn(|k| y[k] + dy[k]);
+            joined(&y, 1.0, (x + DVec3::from(dx)).to_array())
+        };
+        let predicted = Predicted {
+            source: (0..shapes.source.mesh.vertex_count())
+                .map(|v| joined::<D, K>(&own(v), 1.0, shapes.source_position(v).to_array()))
+                .collect(),
+            image: &image,
+            anchors: known.b.iter().zip(&known.t).map(|(b, t)| joined(b, 1.0, t.to_array())).collect(),
+            apart: known.a.len(),
+            unit: 1.0,
+            error: 0.0,
+        };
+        // Where nothing is pulled there is nothing to be drawn.
+        let relaxation = if pulled.is_some() { options.relaxation() } else { Relaxation::Off };
+        let mut field = Self::drawn(shapes, predicted, anchors, relaxation, options.relax)?;
+        field.unit /= 2.0_f64.sqrt();
+        if options.confidence {
+            field.drift = vec![0.0; field.z.len()];
+            field.doubt_turned();
+        }
+        field.report = FieldReport {
+            embedded: vec![("identity", 1.0)],
+            spatial: vec![("identity", 1.0)],
+            lambda: 1.0,
+            relaxation: Some(options.relaxation()),
+            left_out: vec![0.0; known.a.len()],
+            ..field.report
+        };
+        Ok(field)
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use glam::DVec3;
-
     use super::*;
 
     fn known(pairs: &[([f64; 2], [f64; 2])]) -> Known<2> {

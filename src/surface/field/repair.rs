@@ -90,7 +90,8 @@ struct Way {
 impl<const K: usize> Images<'_, K> {
     /// Gives the vertices of turned triangles new images, then those of rings around them where
     /// that does not help. A patch is kept only if fewer of its triangles are turned and, where
-    /// many are, no image moves far. Vertices of `held` stay. `O(F)`, and what turned triangles take, within bounds.
+    /// many are, no image moves far. Vertices of `held` stay. `O(F)`, and what turned triangles take,
+    /// within bounds.
     ///
     /// # Errors
     /// [`Error::Cancelled`](crate::Error::Cancelled).

@@ -33,8 +33,8 @@ fn sides(topology: &Topology) -> Option<Vec<[bool; 3]>> {
 
 impl<S: Real, const K: usize> Field<S, K> {
     /// Takes all evidence from vertices of the target whose images lie beyond the rim of the
-    /// source, and returns their number; `predicted` has the images before they were drawn. O(V) closest points for
-    /// an open source.
+    /// source, and returns their number; `predicted` has the images before they were drawn. O(V)
+    /// closest points for an open source.
     pub(super) fn doubt_what_is_beyond(
         &mut self,
         shapes: &Shapes<'_>,
