@@ -134,12 +134,17 @@ impl<S: Real, const K: usize> Field<S, K> {
 mod tests {
     use super::*;
 
-    fn known(pairs: &[([f64; 2], [f64; 2])]) -> Known<2> {
+    /// A point of the plane, laid out in four dimensions: vectors have a multiple of four.
+    fn laid(p: [f64; 2]) -> [f64; 4] {
+        [p[0], p[1], 0.0, 0.0]
+    }
+
+    fn known(pairs: &[([f64; 2], [f64; 2])]) -> Known<4> {
         let flat = |p: &[f64; 2]| DVec3::new(p[0], p[1], 0.0);
         Known {
             places: Vec::new(),
-            a: pairs.iter().map(|p| p.0).collect(),
-            b: pairs.iter().map(|p| p.1).collect(),
+            a: pairs.iter().map(|p| laid(p.0)).collect(),
+            b: pairs.iter().map(|p| laid(p.1)).collect(),
             s: pairs.iter().map(|p| flat(&p.0)).collect(),
             t: pairs.iter().map(|p| flat(&p.1)).collect(),
         }
@@ -148,15 +153,15 @@ mod tests {
     #[test]
     fn pairs_are_met_far_points_stay_and_nothing_is_turned_over() {
         let pulled = Pulled::new(&known(&[([0.0, 0.0], [0.05, 0.0]), ([0.12, 0.0], [0.12, 0.0])])).unwrap();
-        let (y, x) = pulled.at(&[0.0, 0.0]);
+        let (y, x) = pulled.at(&laid([0.0, 0.0]));
         assert!((y[0] - 0.05).abs() < 1e-8 && y[1].abs() < 1e-8 && (x[0] - 0.05).abs() < 1e-8 && x[2] == 0.0);
-        assert!(pulled.at(&[0.12, 0.0]).0[0].abs() < 1e-8);
-        assert_eq!(pulled.at(&[-0.21, 0.0]), ([0.0; 2], [0.0; 3]));
+        assert!(pulled.at(&laid([0.12, 0.0])).0[0].abs() < 1e-8);
+        assert_eq!(pulled.at(&laid([-0.21, 0.0])), ([0.0; 4], [0.0; 3]));
         let alone = Pulled::new(&known(&[([0.0, 0.0], [0.05, 0.0])])).unwrap();
         let step = 1e-4;
         let slopes = (0..4000)
             .map(|i| f64::from(i) * step - 0.2)
-            .map(|x| (alone.at(&[x + step, 0.0]).0[0] - alone.at(&[x, 0.0]).0[0]) / step);
+            .map(|x| (alone.at(&laid([x + step, 0.0])).0[0] - alone.at(&laid([x, 0.0])).0[0]) / step);
         let (least, most) = slopes.fold((0.0_f64, 0.0_f64), |(a, b), s| (a.min(s), b.max(s)));
         assert!(least > -0.55 && most < 0.55, "{least} {most}");
     }
@@ -166,6 +171,6 @@ mod tests {
         assert!(Pulled::new(&known(&[([0.0, 0.0], [0.0, 0.0])])).is_none());
         assert!(Pulled::new(&known(&[])).is_none());
         let twice = Pulled::new(&known(&[([0.0, 0.0], [0.04, 0.0]), ([0.0, 0.0], [0.02, 0.0])])).unwrap();
-        assert!((twice.at(&[0.0, 0.0]).0[0] - 0.03).abs() < 1e-6);
+        assert!((twice.at(&laid([0.0, 0.0])).0[0] - 0.03).abs() < 1e-6);
     }
 }
