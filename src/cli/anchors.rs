@@ -10,7 +10,9 @@ use crate::cli::verdict::Verdict;
 use crate::geometry::SurfacePoint;
 use crate::io::anchors::PairRemark;
 use crate::surface::AnchorPairs;
-use crate::tools::anchors::{AnchorOptions, Outlier, Proposal, Suggestion, contradicted, propose, suggest};
+use crate::tools::anchors::{
+    AnchorOptions, Contradictions, Outlier, Proposal, Suggestion, contradicted, propose, suggest,
+};
 use crate::tools::render::{Coloring, RenderOptions, render, side_by_side};
 use crate::{Error, Result};
 
@@ -87,18 +89,21 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let options = arguments.embedding.options();
     session.embed(&mut source, &options)?;
     session.embed(&mut target, &options)?;
-    let mut outliers = Vec::new();
+    let mut said = Contradictions::default();
     let mut dropped = Vec::new();
+    let given = seeds.len();
     if !seeds.is_empty() {
-        outliers = contradicted(source.shape(), target.shape(), &seeds)?;
-        say_outliers(&session, &outliers, arguments.drop_outliers);
+        said = contradicted(source.shape(), target.shape(), &seeds)?;
+        let outliers = &said.outliers;
+        say_outliers(&session, outliers, arguments.drop_outliers);
         if arguments.drop_outliers {
             dropped = outliers.iter().map(|o| o.index).collect();
             seeds = without(&seeds, &dropped);
         }
         session.watch.lap("check");
     }
-    if arguments.check && outliers.is_empty() {
+    let Contradictions { outliers, at_odds, too_few } = said;
+    if arguments.check && outliers.is_empty() && at_odds.is_none() && !too_few {
         session.say(&format!("{} pairs, none contradicts the others", seeds.len()));
     }
     let proposal = if arguments.check {
@@ -145,9 +150,18 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     fill(&mut report, proposal.as_ref(), &outliers, &dropped, &suggestions, &source);
     let mut verdict = Verdict::default();
     let share = doubtful as f64 / pairs.len().max(1) as f64;
-    verdict.share(share, 0.0, 0.5, "of the pairs are doubtful (--picture shows them)");
+    // The others are worth having, and the file says which are which.
+    verdict.share(share, 0.0, 0.99, "of the pairs are doubtful (--picture shows them)");
     if pairs.is_empty() {
         verdict.unusable.push("there are no pairs".to_owned());
+    }
+    verdict.unusable.extend(at_odds.map(odds));
+    if too_few {
+        verdict.look_at.push(format!("{given} pairs are too few to tell whether one of them is wrong (six are not)"));
+    }
+    let wanted = if proposal.is_some() { arguments.count } else { 0 };
+    if 2 * pairs.len() < wanted && !pairs.is_empty() {
+        verdict.look_at.push(format!("{} of {wanted} pairs were found", pairs.len()));
     }
     report["verdict"] = verdict.describe();
     session.write_report(&report)?;
@@ -157,6 +171,14 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
         return Err(Error::unusable(what, format!("{remedy}; --force writes them")));
     }
     verdict.tell(&session, arguments.strict, remedy)
+}
+
+/// The sentence about pairs most of which are wrong.
+pub(crate) fn odds(usual: f64) -> String {
+    format!(
+        "the pairs contradict one another: where each is left out, half of them are missed by {usual:.2} of the square \
+         root of the area or more"
+    )
 }
 
 fn without(pairs: &AnchorPairs, dropped: &[usize]) -> AnchorPairs {

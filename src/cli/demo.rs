@@ -1,6 +1,6 @@
 //! `barymap demo`: the main job on built-in characters.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
@@ -34,7 +34,37 @@ pub(crate) struct Arguments {
     size: u32,
 }
 
+/// Files that the demo writes.
+const FILES: [&str; 9] = [
+    "texture.png",
+    "coverage.png",
+    "model.glb",
+    "demo.png",
+    "source_texture.png",
+    "source.obj",
+    "target.obj",
+    "pairs.json",
+    "report.json",
+];
+
+/// Fails for a folder with files that would be overwritten, unless a demo wrote them.
+fn check_folder(folder: &Path, overwrite: bool) -> Result<()> {
+    let report = std::fs::read(folder.join("report.json")).unwrap_or_default();
+    let own = serde_json::from_slice::<serde_json::Value>(&report).is_ok_and(|r| r["command"] == "demo");
+    if own || overwrite {
+        return Ok(());
+    }
+    match FILES.iter().map(|name| folder.join(name)).find(|file| file.exists()) {
+        Some(file) => {
+            let what = format!("{} is there already, and no demo wrote it", file.display());
+            Err(Error::option("--output", what, "Name another folder, or give --overwrite"))
+        }
+        None => Ok(()),
+    }
+}
+
 pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
+    check_folder(&arguments.out, common.overwrite)?;
     std::fs::create_dir_all(&arguments.out)
         .map_err(|e| Error::io(&arguments.out, e, "Choose a folder that can be written with --output"))?;
     let path = |name: &str| arguments.out.join(name);

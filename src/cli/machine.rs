@@ -52,11 +52,11 @@ impl Machine {
         let addresses = free_addresses();
         if let Some(free) = addresses.filter(|&free| free < LEAST_ADDRESSES) {
             let what = format!(
-                "the address space of this process is limited (ulimit -v): {} MB are free, {} MB are needed",
+                "the memory of this process is limited (ulimit -v or -d): {} MB are free, {} MB are needed",
                 free >> 20,
                 LEAST_ADDRESSES >> 20
             );
-            return Err(Error::input(what, "Raise the limit: ulimit -v unlimited"));
+            return Err(Error::input(what, "Raise the limit: ulimit -v unlimited -d unlimited"));
         }
         let cores = thread::available_parallelism().map_or(1, NonZero::get);
         let environment = std::env::var("RAYON_NUM_THREADS").ok().and_then(|n| n.trim().parse().ok());
@@ -101,18 +101,22 @@ fn spawnable(count: usize) -> usize {
     1
 }
 
-/// Bytes of the address space that are left below its limit; none without one.
+/// Bytes that are left below the limits of addresses and of data; none without a limit.
 fn free_addresses() -> Option<u64> {
     let limits = std::fs::read_to_string("/proc/self/limits").ok()?;
-    let limit = address_limit(&limits)?;
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let used = status.lines().find_map(|l| l.strip_prefix("VmSize:")?.trim().strip_suffix(" kB")?.parse::<u64>().ok());
-    Some(limit.saturating_sub(used.unwrap_or(0) << 10))
+    let used = |key: &str| {
+        let line = status.lines().find_map(|l| l.strip_prefix(key));
+        line.and_then(|l| l.trim().strip_suffix(" kB")?.parse::<u64>().ok()).unwrap_or(0) << 10
+    };
+    let left = |limit: &str, key: &str| Some(limit_of(&limits, limit)?.saturating_sub(used(key)));
+    let (addresses, data) = (left("Max address space", "VmSize:"), left("Max data size", "VmData:"));
+    addresses.into_iter().chain(data).min()
 }
 
-/// The soft limit of the address space in the words of `/proc/self/limits`.
-fn address_limit(limits: &str) -> Option<u64> {
-    let line = limits.lines().find_map(|l| l.strip_prefix("Max address space"))?;
+/// A soft limit in the words of `/proc/self/limits`.
+fn limit_of(limits: &str, name: &str) -> Option<u64> {
+    let line = limits.lines().find_map(|l| l.strip_prefix(name))?;
     line.split_whitespace().next()?.parse().ok()
 }
 
@@ -140,8 +144,9 @@ mod tests {
                 "Limit  Soft Limit  Hard Limit  Units\nMax address space         {value}            unlimited            bytes\n"
             )
         };
-        assert_eq!(address_limit(&text("409600000")), Some(409_600_000));
-        assert_eq!(address_limit(&text("unlimited")), None);
-        assert_eq!(address_limit(""), None);
+        assert_eq!(limit_of(&text("409600000"), "Max address space"), Some(409_600_000));
+        assert_eq!(limit_of(&text("409600000"), "Max data size"), None);
+        assert_eq!(limit_of(&text("unlimited"), "Max address space"), None);
+        assert_eq!(limit_of("", "Max address space"), None);
     }
 }

@@ -106,6 +106,9 @@ pub(crate) fn prepare(
         let told: Vec<String> =
             field.contradicted.iter().map(|c| contradiction(c, anchors.len(), &made.mirrored)).collect();
         session.warn_all(&told);
+        if let Some(usual) = field.at_odds() {
+            session.warn(&format!("{}; look at them with `barymap anchors --picture`", super::anchors::odds(usual)));
+        }
         if let Some(expected) = &field.expected {
             session.say(&foretold(expected, &target.mesh.name));
         }

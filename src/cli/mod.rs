@@ -196,6 +196,12 @@ pub fn run<T: Into<OsString> + Clone>(arguments: impl IntoIterator<Item = T>) ->
 fn carry_out(cli: &mut Cli) -> Result<()> {
     let (machine, notes) = Machine::prepare(cli.common.threads)?;
     notes.iter().filter(|_| !cli.common.quiet).for_each(|text| common::note(text));
+    if let Some(free) = machine.addresses.filter(|&free| free < cli.common.memory && !cli.common.quiet) {
+        common::note(&format!(
+            "memory is limited to {} MB by the system (ulimit -v or -d), whatever --memory says",
+            free >> 20
+        ));
+    }
     cli.common.memory = cli.common.memory.min(machine.addresses.unwrap_or(u64::MAX));
     if machine.more_threads {
         guard::watch(cli.common.memory);
@@ -225,10 +231,10 @@ fn given(arguments: Vec<OsString>) -> Result<ExitCode> {
     };
     let overwrite = cli.common.overwrite;
     let outputs = named::check(&program, &matches, overwrite)?;
-    keep_inputs((!overwrite).then_some(outputs.planned));
+    keep_inputs(Some(outputs.planned), overwrite);
     cli.common.stages = plan::stages(matches.subcommand_name().unwrap_or_default());
     let done = carry_out(&mut cli);
-    keep_inputs(None);
+    keep_inputs(None, false);
     if done.is_err() {
         // A folder that something was written to stays.
         outputs.made.iter().for_each(|folder| drop(std::fs::remove_dir(folder)));

@@ -3,7 +3,7 @@
 
 use std::any::TypeId;
 use std::ffi::{OsStr, OsString};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use clap::parser::ValueSource;
 use clap::{Arg, ArgMatches, Command};
@@ -50,6 +50,36 @@ pub(crate) fn role(command: &str, argument: &Arg) -> Option<Role> {
     }
 }
 
+/// Endings of meshes and pictures, which tables and reports do not have.
+const SHAPES_AND_PICTURES: [&str; 19] = [
+    "obj", "ply", "glb", "gltf", "off", "stl", "png", "jpg", "jpeg", "webp", "gif", "apng", "bmp", "tga", "tif",
+    "tiff", "exr", "hdr", "svg",
+];
+
+/// What an argument of `command` writes whatever its file is called: the name, and an ending that
+/// it may have though others of its kind may not.
+fn one_format(command: &str, id: &str) -> Option<(&'static str, &'static str)> {
+    match (command, id) {
+        (_, "report") => Some(("JSON", "json")),
+        ("anchors", "output") => Some(("JSON", "json")),
+        ("map" | "average", "output") => Some(("a table (CSV)", "csv")),
+        ("embed" | "weights", "output") => Some(("NPY", "npy")),
+        ("check", "output") => Some(("PLY", "ply")),
+        _ => None,
+    }
+}
+
+/// Fails where a name says another format than the one that is written.
+fn check_format(command: &str, id: &str, option: &str, path: &Path) -> Result<()> {
+    let Some((format, own)) = one_format(command, id) else { return Ok(()) };
+    let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    if ending == own || !SHAPES_AND_PICTURES.contains(&ending.as_str()) {
+        return Ok(());
+    }
+    let what = format!("{} is written as {format}, and its name says something else", path.display());
+    Err(Error::option(option, what, format!("End the name in .{own}")))
+}
+
 /// The files that a value names: all of it, or what stands between commas and behind `=`, as in
 /// `ROLE=FILE` and `S.vts,T.vts`.
 fn files(value: &OsStr) -> Vec<PathBuf> {
@@ -62,11 +92,23 @@ fn files(value: &OsStr) -> Vec<PathBuf> {
     parts.map(PathBuf::from).filter(|p| p.exists()).collect()
 }
 
-/// A path by which two names of one file are known as such.
+/// A path by which two names of one file are known as such, whether the file and its folders are
+/// there or not.
 fn identity(path: &Path) -> PathBuf {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let there = path.canonicalize().or_else(|_| Ok(folder.canonicalize()?.join(path.file_name().unwrap_or_default())));
-    there.or_else(|_: std::io::Error| std::path::absolute(path)).unwrap_or_else(|_| path.to_path_buf())
+    let place = crate::io::output::followed(path);
+    if let Ok(there) = place.canonicalize() {
+        return there;
+    }
+    // What is there of it, then the rest by its words: `new/../new` is `new`.
+    let mut found = PathBuf::new();
+    for part in std::path::absolute(&place).unwrap_or(place).components() {
+        match part {
+            Component::ParentDir => drop(found.pop()),
+            part => found.push(part),
+        }
+        found = found.canonicalize().unwrap_or(found);
+    }
+    found
 }
 
 /// As the user spells the argument.
@@ -77,8 +119,8 @@ fn spelt(argument: &Arg) -> String {
 /// What a command line is to write.
 #[derive(Debug, Default)]
 pub(crate) struct Outputs {
-    /// The files.
-    pub(crate) planned: Vec<PathBuf>,
+    /// The files, each with the option that names it.
+    pub(crate) planned: Vec<(PathBuf, String)>,
     /// The folders that were made for them, the innermost first.
     pub(crate) made: Vec<PathBuf>,
 }
@@ -107,6 +149,7 @@ pub(crate) fn check(program: &Command, matches: &ArgMatches, overwrite: bool) ->
                 // What a shell or a device takes is taken as it comes.
                 Role::Written if path.starts_with("/dev") => {}
                 Role::Written => {
+                    check_format(name, id, &spelt(argument), path)?;
                     let place = identity(path);
                     if let Some((_, other)) = written.iter().find(|(p, _)| *p == place) {
                         let what = format!("{} would be written twice, for {other} too", path.display());
@@ -123,21 +166,20 @@ pub(crate) fn check(program: &Command, matches: &ArgMatches, overwrite: bool) ->
             return Err(Error::option(option, what, "Name another file, or give --overwrite"));
         }
     }
-    let planned: Vec<PathBuf> = written.into_iter().map(|(place, _)| place).collect();
     let mut made = Vec::new();
-    planned.iter().try_for_each(|place| make_folders(place, &mut made))?;
+    written.iter().try_for_each(|(place, _)| make_folders(place, &mut made))?;
     made.reverse();
-    Ok(Outputs { planned, made })
+    Ok(Outputs { planned: written, made })
 }
 
 /// Makes the folders above `place` that are missing, the outermost first.
 fn make_folders(place: &Path, made: &mut Vec<PathBuf>) -> Result<()> {
-    // Places to fill in are known later.
-    if place.to_string_lossy().contains(['<', '%']) {
-        return Ok(());
-    }
     let mut missing: Vec<&Path> = place.ancestors().skip(1).take_while(|folder| !folder.exists()).collect();
     while let Some(folder) = missing.pop().filter(|folder| !folder.as_os_str().is_empty()) {
+        // Places to fill in are known later.
+        if crate::io::TextureName::new(folder.to_string_lossy()).has_place() {
+            return Ok(());
+        }
         std::fs::create_dir(folder)
             .map_err(|e| Error::io(folder, e, "Check the permissions of the folder that it is in"))?;
         made.push(folder.to_path_buf());

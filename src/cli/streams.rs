@@ -98,6 +98,12 @@ impl Streams {
                 (None, _) => argument.clone(),
             });
         }
+        let frames = redirected.iter().any(|a| a == "--frames" || a.to_string_lossy().starts_with("--frames="));
+        let picture = streams.output.as_ref().and_then(|o| o.extension()).is_some_and(|e| e == "png");
+        if frames && picture {
+            let what = "a sequence of pictures has many files, and stdout is one";
+            return Err(Error::option("--frames", what, "Write -.gif or -.apng, or name a file"));
+        }
         Ok((redirected, streams))
     }
 
@@ -108,7 +114,11 @@ impl Streams {
         }
         let option = option.to_string_lossy();
         let is_main = option == "-o" || option == "--output";
-        let ending = if value == "-" && is_main { natural } else { &value[1..] };
+        let ending = match (value, &*option) {
+            ("-", _) if is_main => natural,
+            ("-", "--model") => ".glb",
+            _ => &value[1..],
+        };
         if self.output.is_some() {
             let what = "two outputs would be written to stdout";
             return Err(Error::option(option, what, "Give the other a name"));

@@ -88,6 +88,11 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     let outputs: Vec<PathBuf> = chosen.iter().filter(|_| !animated).map(|(_, output)| output.clone()).collect();
     let more = [&arguments.heatmap, &arguments.grid, &arguments.overlay];
     let pictures = || outputs.iter().chain(more.iter().copied().flatten()).map(PathBuf::as_path);
+    let report = common.report.as_ref().into_iter();
+    if let Some(file) = more.iter().copied().flatten().chain(report).find(|file| outputs.contains(file)) {
+        let what = format!("{} is a frame of the sequence, too", file.display());
+        return Err(usage("--frames", &what, "Give each output a name of its own"));
+    }
     pictures().try_for_each(crate::io::image_file::check_image_extension)?;
     arguments.quality.check(pictures())?;
     // One of a sequence stands for all: they are in the same folder.

@@ -1,5 +1,6 @@
 //! Files that are read are not overwritten, however they came to be read: a texture that the
-//! material of a mesh names is an input, too.
+//! material of a mesh names is an input, too. Nor is what this run has written itself: of two
+//! outputs of one name one would be lost.
 //!
 //! A command line turns this on, for the process.
 
@@ -11,10 +12,14 @@ use crate::{Error, Result};
 /// What is known where this is on.
 #[derive(Default)]
 struct Known {
-    /// Files that are going to be written.
-    planned: Vec<PathBuf>,
+    /// Files that are going to be written, each with the option that names it.
+    planned: Vec<(PathBuf, String)>,
     /// Files that were read.
     read: Vec<PathBuf>,
+    /// Files that were written.
+    written: Vec<PathBuf>,
+    /// Whether files that were read may be overwritten.
+    overwrite: bool,
 }
 
 static KNOWN: Mutex<Option<Known>> = Mutex::new(None);
@@ -24,16 +29,19 @@ fn known() -> MutexGuard<'static, Option<Known>> {
     KNOWN.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Turns this on, with the outputs that are known by now; off without any list.
+/// Turns this on, with the outputs that are known by now and the options that name them; off
+/// without any list. With `overwrite` files that were read may be written.
 #[cfg_attr(not(feature = "cli"), expect(dead_code, reason = "for the command line"))]
-pub(crate) fn keep_inputs(planned: Option<Vec<PathBuf>>) {
-    let here = |paths: Vec<PathBuf>| paths.iter().filter_map(|p| p.canonicalize().ok()).collect();
-    *known() = planned.map(|paths| Known { planned: here(paths), read: Vec::new() });
+pub(crate) fn keep_inputs(planned: Option<Vec<(PathBuf, String)>>, overwrite: bool) {
+    let here = |paths: Vec<(PathBuf, String)>| {
+        paths.into_iter().filter_map(|(p, option)| Some((p.canonicalize().ok()?, option))).collect()
+    };
+    *known() = planned.map(|paths| Known { planned: here(paths), overwrite, ..Known::default() });
 }
 
-fn refused(path: &Path) -> Error {
+fn refused(path: &Path, option: &str) -> Error {
     let what = format!("{} is a file that is read", path.display());
-    Error::option("output", what, "Name another file, or give --overwrite")
+    Error::option(option, what, "Name another file, or give --overwrite")
 }
 
 /// A file is about to be read.
@@ -44,20 +52,35 @@ pub(super) fn reading(path: &Path) -> Result<()> {
     let mut known = known();
     let Some(known) = known.as_mut() else { return Ok(()) };
     let Ok(place) = path.canonicalize() else { return Ok(()) };
-    let is_planned = known.planned.contains(&place);
+    if known.overwrite {
+        return Ok(());
+    }
+    let planned = known.planned.iter().find(|(p, _)| *p == place).map(|(_, option)| refused(path, option));
     if !known.read.contains(&place) {
         known.read.push(place);
     }
-    if is_planned { Err(refused(path)) } else { Ok(()) }
+    planned.map_or(Ok(()), Err)
 }
 
 /// A file is about to be written.
 ///
 /// # Errors
-/// [`Error::Option`] if it was read.
+/// [`Error::Option`] if it was read, or written before.
 pub(super) fn writing(path: &Path) -> Result<()> {
     let known = known();
-    let Some(known) = known.as_ref().filter(|k| !k.read.is_empty()) else { return Ok(()) };
-    let was_read = path.canonicalize().is_ok_and(|place| known.read.contains(&place));
-    if was_read { Err(refused(path)) } else { Ok(()) }
+    let Some(known) = known.as_ref().filter(|k| !k.read.is_empty() || !k.written.is_empty()) else { return Ok(()) };
+    let Ok(place) = path.canonicalize() else { return Ok(()) };
+    let option = known.planned.iter().find(|(p, _)| *p == place).map_or("--output", |(_, option)| option);
+    if known.written.contains(&place) {
+        let what = format!("{} would be written twice: it is another output, or stands beside one", path.display());
+        return Err(Error::option(option, what, "Give each output a name of its own"));
+    }
+    if known.read.contains(&place) { Err(refused(path, option)) } else { Ok(()) }
+}
+
+/// A file was written.
+pub(super) fn wrote(path: &Path) {
+    if let (Some(known), Ok(place)) = (known().as_mut(), path.canonicalize()) {
+        known.written.push(place);
+    }
 }

@@ -145,7 +145,7 @@ impl<'a> Reader<'a> {
             }
             b"s" => self.builder.smoothing = smoothing(rest),
             b"usemtl" => self.builder.material = self.names.material(rest),
-            b"mtllib" => self.names.libraries(self.path, rest, &mut self.notes),
+            b"mtllib" => self.names.libraries(self.path, rest, &mut self.notes)?,
             b"#MRGB" => self.polypaint(rest),
             b"l" | b"p" => self.notes.count("lines and points were passed over", Some(self.line)),
             b"curv" | b"curv2" | b"surf" => {

@@ -10,10 +10,10 @@ use super::locate::path_bytes;
 use super::material_library::{self as library, keyword};
 use super::source::Notes;
 use super::{finite, output};
-use crate::Result;
 use crate::geometry::material::{BASE_COLOR, TextureContent, Wrap};
 use crate::geometry::{Material, Mesh, NONE};
 use crate::picture::linear_to_srgb;
+use crate::{Error, Result};
 
 /// Writes `mesh` as OBJ, and its materials, if it has any, as an MTL file of the same name beside
 /// it; where they are those of the libraries that the mesh was read with, these are referred to.
@@ -202,12 +202,12 @@ fn material_library(mesh: &Mesh, path: &Path, taken: Taken, companions: &mut Com
         for statement in &material.statements {
             text.extend_from_slice(&statement.text);
             if let Some(file) = &statement.file {
-                text.extend_from_slice(&path_bytes(&relative(file, path)));
+                text.extend_from_slice(&path_bytes(&on_one_line(relative(file, path))?));
             }
             text.push(b'\n');
         }
         let texture = match (&material.base_color_texture, &material.embedded_texture) {
-            (Some(texture), _) => Some(relative(texture, path)),
+            (Some(texture), _) => Some(on_one_line(relative(texture, path))?),
             (None, Some(bytes)) => {
                 let extension = if bytes.starts_with(&[0xff, 0xd8]) { "jpg" } else { "png" };
                 let stem = path.file_stem().unwrap_or_default().to_string_lossy();
@@ -223,7 +223,7 @@ fn material_library(mesh: &Mesh, path: &Path, taken: Taken, companions: &mut Com
             // Embedded ones in other roles stay behind: OBJ files seldom name them.
             let TextureContent::File(file) = &other.content else { continue };
             let strength = if other.role == "normal" { material.look.normal_scale } else { other.strength };
-            statement(&mut text, material, &other.role, strength, &relative(file, path));
+            statement(&mut text, material, &other.role, strength, &on_one_line(relative(file, path))?);
         }
     }
     Ok(text)
@@ -262,6 +262,15 @@ fn statement(text: &mut Vec<u8>, material: &Material, role: &str, strength: f32,
     text.push(b' ');
     text.extend_from_slice(&path_bytes(file));
     text.push(b'\n');
+}
+
+/// Fails for a file whose name has a line break: a statement is a line.
+fn on_one_line(file: PathBuf) -> Result<PathBuf> {
+    if file.to_string_lossy().contains(['\n', '\r']) {
+        let what = format!("{file:?} has a line break in its name, and a material library has no place for it");
+        return Err(Error::input(what, "Give the file and its folders names on one line, or write a GLB file"));
+    }
+    Ok(file)
 }
 
 /// `texture` as seen from the folder of `file`, or absolute where there is no way between them.

@@ -159,7 +159,12 @@ pub(super) fn final_place(path: &Path) -> Result<PathBuf> {
     if path.is_dir() {
         return other(io::ErrorKind::IsADirectory, "this is a folder, a file is to be written");
     }
-    let target = if path.is_symlink() { fs::canonicalize(path).unwrap_or_else(|_| path.into()) } else { path.into() };
+    let target = followed(path);
+    // Renaming would go round the protection.
+    if fs::metadata(&target).is_ok_and(|m| m.is_file() && m.permissions().readonly()) {
+        let what = io::Error::new(io::ErrorKind::PermissionDenied, "this file is write-protected");
+        return Err(Error::io(path, what, "Allow writing to it, remove it, or name another output"));
+    }
     let folder = folder_of(&target);
     if !folder.is_dir() {
         return other(io::ErrorKind::NotFound, &format!("the folder {} does not exist", folder.display()));
@@ -167,6 +172,19 @@ pub(super) fn final_place(path: &Path) -> Result<PathBuf> {
     #[cfg(feature = "files")]
     super::kept::writing(&target)?;
     Ok(target)
+}
+
+/// Most links that are followed, as systems have it.
+const LINKS: usize = 40;
+
+/// What a symbolic link leads to, there or not yet; any other path as it is.
+pub(crate) fn followed(path: &Path) -> PathBuf {
+    let mut place = path.to_path_buf();
+    for _ in 0..LINKS {
+        let Ok(to) = fs::read_link(&place) else { break };
+        place = folder_of(&place).join(to);
+    }
+    place
 }
 
 pub(super) fn folder_of(path: &Path) -> &Path {
@@ -221,6 +239,8 @@ impl Temporary {
         }
         fs::rename(self.path(), target).map_err(|e| Error::io(path, e, REMEDY))?;
         registry.live.retain(|p| *p != self.path);
+        #[cfg(feature = "files")]
+        super::kept::wrote(target);
         Ok(())
     }
 }

@@ -6,6 +6,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::anchors::normalised;
+use super::npy::read_npy;
 use super::obj::shortened;
 use super::table::Table;
 use super::{finite, output};
@@ -189,12 +190,17 @@ impl Answered {
 }
 
 /// Reads weights: a [`Table`] with one query a row and `anchors` columns of numbers, with or
-/// without a header; and the table itself, whose columns of text are no weights.
+/// without a header, and the table itself, whose columns of text are no weights; or an NPY file, as
+/// the inverse problem writes it.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Format`] naming the line: another number of weights, one that is not a
 /// finite number, no weights at all.
 pub fn read_weights(path: impl AsRef<Path>, anchors: usize) -> Result<(Vec<Vec<f64>>, Answered)> {
+    let path = path.as_ref();
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy")) {
+        return Ok((read_weight_matrix(path, anchors)?, Answered::default()));
+    }
     let mut table = Table::read(path)?;
     // A header has no number at all, which tells it from a row with a mistake.
     table.lift_header(|t, row| (0..t.cells(row)).all(|c| !t.is_number(row, c)));
@@ -227,6 +233,23 @@ pub fn read_weights(path: impl AsRef<Path>, anchors: usize) -> Result<(Vec<Vec<f
         .map(|r| columns.iter().map(|&c| number(r, c)).collect::<Result<Vec<f64>>>())
         .collect::<Result<_>>()?;
     Ok((weights, Answered::new(table, &columns)))
+}
+
+fn read_weight_matrix(path: &Path, anchors: usize) -> Result<Vec<Vec<f64>>> {
+    let matrix = read_npy(path)?;
+    let fail = |what: String, remedy: &str| Err(Error::format(path, None, what, remedy));
+    if matrix.values.is_empty() {
+        return fail("there are no weights".into(), "Write one row of weights for each query");
+    }
+    if matrix.columns != anchors {
+        let what = format!("{} weights for {anchors} anchors", matrix.columns);
+        return fail(what, "Write one weight for each anchor in every row");
+    }
+    if let Some(k) = matrix.values.iter().position(|x| !x.is_finite()) {
+        let what = format!("row {}, column {}: {} is not a finite number", k / anchors, k % anchors, matrix.values[k]);
+        return fail(what, "Ask for weights of points that lie on a part with anchors");
+    }
+    Ok(matrix.values.chunks(anchors).map(<[f64]>::to_vec).collect())
 }
 
 #[cfg(test)]

@@ -39,6 +39,11 @@ impl TextureName {
         self.has(&MATERIAL)
     }
 
+    /// Whether any place is to be filled in.
+    pub fn has_place(&self) -> bool {
+        self.has_tile() || self.has_role() || self.has_material()
+    }
+
     fn has(&self, places: &[&str]) -> bool {
         places.iter().any(|p| self.0.contains(p))
     }

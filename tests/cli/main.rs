@@ -18,6 +18,7 @@ mod gltf_validator;
 mod kinds;
 mod long;
 mod look;
+mod lost;
 mod machine;
 mod map;
 mod materials;

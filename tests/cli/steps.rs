@@ -74,6 +74,9 @@ fn averages_of_the_weights_are_the_points() {
         .collect();
     f.write("w.csv", &(rows.join("\n") + "\n"));
     f.run("average s.obj --backend cpu --anchors single.json --weights w.csv -o q.csv").succeeds();
+    // What the one command writes the other one reads.
+    f.run("average s.obj --backend cpu --anchors single.json --weights w.npy -o n.csv").succeeds();
+    assert_eq!(f.bytes("n.csv"), f.bytes("q.csv"));
     let mesh = read_mesh(f.path("s.obj")).unwrap().mesh;
     let place = |file: &str| -> Vec<glam::DVec3> {
         barymap::io::points::read_points(f.path(file), &mesh).unwrap().0.iter().map(|p| p.position(&mesh)).collect()

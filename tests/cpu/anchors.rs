@@ -102,10 +102,10 @@ fn two_exchanged_pairs_are_named_and_right_ones_are_not() {
     let (source, target) = (embedded(pair.source.mesh.clone()), embedded(pair.target.mesh.clone()));
     let (s, t) = pair.anchors(40);
     let right = AnchorPairs { source: s, target: t };
-    assert_eq!(contradicted(source.shape(), target.shape(), &right).unwrap(), []);
+    assert_eq!(contradicted(source.shape(), target.shape(), &right).unwrap().outliers, []);
     let mut wrong = right.clone();
     wrong.source.swap(11, 23);
-    let named = contradicted(source.shape(), target.shape(), &wrong).unwrap();
+    let named = contradicted(source.shape(), target.shape(), &wrong).unwrap().outliers;
     let mut indices: Vec<usize> = named.iter().map(|o| o.index).collect();
     indices.sort_unstable();
     assert_eq!(indices, [11, 23]);

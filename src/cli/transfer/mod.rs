@@ -139,7 +139,23 @@ pub(crate) fn layer_names(outputs: &[String], layers: &[Textures]) -> Result<Vec
     Ok(names)
 }
 
+impl Look {
+    /// Fails for a model that would not be what its name says.
+    pub(crate) fn check_model(&self) -> Result<()> {
+        let is_glb = |path: &Path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb"));
+        match self.model.as_deref().filter(|path| !is_glb(path) && !path.starts_with("/dev")) {
+            Some(path) => Err(usage(
+                "--model",
+                &format!("{} is written as GLB, and its name says something else", path.display()),
+                "End the name in .glb; `barymap attributes` and `barymap remesh` write other formats",
+            )),
+            None => Ok(()),
+        }
+    }
+}
+
 pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
+    arguments.look.check_model()?;
     check_outputs(arguments.look.model.as_deref().into_iter().chain(arguments.charts.unwrapped.as_deref()))?;
     arguments.charts.check(arguments.look.size, arguments.look.model.is_some())?;
     arguments.output.iter().try_for_each(crate::io::image_file::check_image_extension)?;

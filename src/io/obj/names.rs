@@ -9,6 +9,7 @@ use crate::io::locate::{Located, locate};
 use crate::io::material_library::{self, LibraryMaterial};
 use crate::io::source::Notes;
 use crate::io::spelling::{self, Spellings};
+use crate::{Error, Result};
 
 /// A material as the faces refer to it: by name, at a place among the statements that name
 /// libraries.
@@ -65,7 +66,10 @@ impl Names {
     }
 
     /// Reads the libraries of a `mtllib` statement.
-    pub(super) fn libraries(&mut self, file: &Path, names: &[u8], notes: &mut Notes) {
+    ///
+    /// # Errors
+    /// [`Error::Option`] if one of them is to be overwritten; other faults become notes.
+    pub(super) fn libraries(&mut self, file: &Path, names: &[u8], notes: &mut Notes) -> Result<()> {
         let mut statement = Vec::new();
         for (name, found) in library_files(file, names) {
             if let Located::Elsewhere(path) = &found {
@@ -87,10 +91,13 @@ impl Names {
                     statement.push(self.libraries.len());
                     self.libraries.push(materials);
                 }
+                // What is to be overwritten is no fault of the library.
+                Err(error @ Error::Option { .. }) => return Err(error),
                 Err(error) => notes.say(format!("material library not read: {error}")),
             }
         }
         self.statements.push(statement);
+        Ok(())
     }
 
     /// The material that a use means: that of the last `mtllib` before it, then of those before

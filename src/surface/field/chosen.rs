@@ -11,7 +11,7 @@
 //! strains the map much less, it is the better one.
 
 use super::pair::FieldPair;
-use super::{Field, FieldOptions, Relaxation};
+use super::{Field, FieldOptions, FieldReport, Relaxation};
 use crate::error::Result;
 use crate::surface::anchors::AnchorPairs;
 
@@ -44,10 +44,13 @@ impl<const D: usize> FieldPair<'_, D> {
             return Ok((field, *options));
         }
         let usable = self.shapes.target.topology.usable.iter().filter(|u| **u).count();
-        // What collapses at the rim of a source that is only a part turns over too.
-        let whole = field.report.beyond_rim as f64 <= TURNED * self.shapes.used.len() as f64;
-        if whole && field.report.turned[0] as f64 > TURNED * usable as f64 {
-            let options = FieldOptions { relaxation: Some(Relaxation::Points), ..*options };
+        let many = |triangles: usize| triangles as f64 > TURNED * usable as f64;
+        let FieldReport { turned, turned_within, .. } = field.report;
+        if many(turned[0]) {
+            // What lies beyond the rim of a source that is only a part collapses there and turns over
+            // too; that says nothing of kinds.
+            let relaxation = if many(turned_within) { Relaxation::Points } else { Relaxation::Part };
+            let options = FieldOptions { relaxation: Some(relaxation), ..*options };
             return Ok((Field::of(self, anchors, &options)?, options));
         }
         // Strain says nothing where shapes are of different kinds.
@@ -71,6 +74,7 @@ impl<const D: usize> FieldPair<'_, D> {
             let strain = self.strain(&other);
             if strain < least {
                 (best, chosen, least) = (other, options, strain);
+                best.report.lambda_by_strain = true;
             }
         }
         Ok((best, chosen))

@@ -7,9 +7,10 @@
 use glam::DVec3;
 use nalgebra::{DMatrix, Dyn, linalg::Cholesky};
 
+use super::made::Predicted;
 use super::pair::FieldPair;
 use super::predict::Known;
-use super::{Field, FieldOptions, FieldReport, Predicted, Relaxation, joined};
+use super::{Field, FieldOptions, FieldReport, Relaxation, joined};
 use crate::engine::Real;
 use crate::error::{Error, Result};
 use crate::surface::anchors::AnchorPairs;
@@ -112,7 +113,7 @@ impl<S: Real, const K: usize> Field<S, K> {
         };
         // Where nothing is pulled there is nothing to be drawn.
         let relaxation = if pulled.is_some() { options.relaxation() } else { Relaxation::Off };
-        let mut field = Self::drawn(shapes, predicted, anchors, relaxation, options.relax)?;
+        let (mut field, _) = Self::drawn(shapes, predicted, anchors, relaxation, options.relax)?;
         field.unit /= 2.0_f64.sqrt();
         if options.confidence {
             field.drift = vec![0.0; field.z.len()];

@@ -36,6 +36,10 @@ pub enum Relaxation {
     Points,
     /// The same without a look at normals.
     PointsAlone,
+    /// As `Points`, onto a source that is only a part of what the target shows: planes would draw
+    /// what lies beyond its rim, and what is near with it. Predictions are as good as between whole
+    /// shapes of one kind.
+    Part,
 }
 
 impl Relaxation {
@@ -46,7 +50,7 @@ impl Relaxation {
 
     /// Whether normals are compared.
     pub(super) fn compares_normals(self) -> bool {
-        matches!(self, Self::Planes | Self::Points)
+        matches!(self, Self::Planes | Self::Points | Self::Part)
     }
 
     /// How many times what pairs left out miss is to be expected: where shapes are of different

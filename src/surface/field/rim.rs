@@ -2,8 +2,8 @@
 //!
 //! A source may be a part of what the target shows: half a scan, a head. Images of the rest are
 //! predicted beyond the source's boundary, and the relaxation draws them onto it: a whole region of
-//! the target collapses to a line. What was predicted beyond and ends on the line has no
-//! image, unless it lies at a boundary of the target itself.
+//! the target collapses to a line. What was predicted beyond by more than predictions miss, or ends
+//! on the line, has no image, unless it lies at a boundary of the target itself.
 
 use rayon::prelude::*;
 
@@ -31,16 +31,37 @@ fn sides(topology: &Topology) -> Option<Vec<[bool; 3]>> {
     Some((0..topology.triangles.len()).map(|t| [side(t, 0), side(t, 1), side(t, 2)]).collect())
 }
 
+/// Vertices of the target that have no image on a source that is only a part.
+#[derive(Debug, Default)]
+pub(super) struct BeyondRim {
+    /// Whether each is predicted beyond the rim or was drawn onto it; empty for a closed source.
+    there: Vec<bool>,
+    /// How many of them have no image.
+    without: usize,
+}
+
+impl BeyondRim {
+    /// Whether a corner of the triangle is predicted beyond the rim or was drawn onto it.
+    pub(super) fn has(&self, triangle: [u32; 3]) -> bool {
+        triangle.iter().any(|&v| self.there.get(v as usize) == Some(&true))
+    }
+
+    /// How many vertices have no image.
+    pub(super) fn count(&self) -> usize {
+        self.without
+    }
+}
+
 impl<S: Real, const K: usize> Field<S, K> {
     /// Takes all evidence from vertices of the target whose images lie beyond the rim of the
-    /// source, and returns their number; `predicted` has the images before they were drawn. O(V)
-    /// closest points for an open source.
+    /// source; `predicted` has the images before they were drawn. O(V) closest points for an open
+    /// source.
     pub(super) fn doubt_what_is_beyond(
         &mut self,
         shapes: &Shapes<'_>,
         predicted: impl Fn(usize) -> Vector<f64, K> + Sync,
-    ) -> usize {
-        let Some(sides) = sides(shapes.source.topology) else { return 0 };
+    ) -> BeyondRim {
+        let Some(sides) = sides(shapes.source.topology) else { return BeyondRim::default() };
         let own = shapes.target.topology;
         let mut at_boundary = vec![false; self.z.len()];
         for (t, triangle) in own.triangles.iter().enumerate().filter(|(t, _)| own.usable[*t]) {
@@ -50,23 +71,32 @@ impl<S: Real, const K: usize> Field<S, K> {
             }
         }
         let closest = ClosestOnSurface::new(&self.reference, &self.vertices);
-        let (z, starts, unit) = (&self.z, &self.starts, self.unit);
+        let (z, starts, unit, drift) = (&self.z, &self.starts, self.unit, &self.drift);
         let on_rim = |c: &Closest, near: f64| (0..3).any(|k| sides[c.face as usize][k] && c.x[k] < near);
+        // How far beyond each is predicted.
         let beyond = |v: usize| {
             if !shapes.used[v] || at_boundary[v] {
-                return false;
-            }
-            let ends = closest.follow_from((&cast(&z[v]), &FLAT), starts[v]);
-            if !ends.is_some_and(|c| on_rim(&c, NEAR_SIDE)) {
-                return false;
+                return 0.0;
             }
             let began = closest.near((&framed(&self.reference, predicted(v)), &FLAT), NONE);
-            began.is_some_and(|c| on_rim(&c, ON_SIDE) && c.distance_squared.sqrt() * unit > BEYOND)
+            began.filter(|c| on_rim(c, ON_SIDE)).map_or(0.0, |c| c.distance_squared.sqrt() * unit)
         };
-        let beyond: Vec<bool> = (0..z.len()).into_par_iter().map(beyond).collect();
-        for (drift, _) in self.drift.iter_mut().zip(&beyond).filter(|(_, beyond)| **beyond) {
+        let beyond: Vec<f64> = (0..z.len()).into_par_iter().map(beyond).collect();
+        let ends_on_rim = |v: usize| {
+            let ends = closest.follow_from((&cast(&z[v]), &FLAT), starts[v]);
+            shapes.used[v] && ends.is_some_and(|c| on_rim(&c, NEAR_SIDE))
+        };
+        let on_rim: Vec<bool> = (0..z.len()).into_par_iter().map(ends_on_rim).collect();
+        // A prediction that is off by less than that cannot be on the source; and what was drawn
+        // onto the rim itself found nothing else.
+        let without: Vec<bool> =
+            (0..z.len()).map(|v| beyond[v] > BEYOND && (beyond[v] > drift[v] || on_rim[v])).collect();
+        for (drift, _) in self.drift.iter_mut().zip(&without).filter(|(_, without)| **without) {
             *drift = f64::INFINITY;
         }
-        beyond.into_iter().filter(|b| *b).count()
+        BeyondRim {
+            there: beyond.iter().zip(on_rim).map(|(b, on_rim)| on_rim || *b > BEYOND).collect(),
+            without: without.into_iter().filter(|b| *b).count(),
+        }
     }
 }

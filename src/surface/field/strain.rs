@@ -10,9 +10,31 @@ use super::pair::FieldPair;
 /// e^2.
 const MOST: f64 = 4.0;
 
+/// The mean over the area of `triangles` of `min(log^2 s1 + log^2 s2, 4)`, s the singular values of
+/// the map of a triangle from its corners to their images, both surfaces at unit area. What has no
+/// image counts as much as what collapses. O(F).
+pub(crate) fn strain_of(
+    triangles: impl Iterator<Item = [u32; 3]>,
+    corner: impl Fn(u32) -> DVec3,
+    image: impl Fn(u32) -> Option<DVec3>,
+) -> f64 {
+    let (mut sum, mut area) = (0.0, 0.0);
+    for t in triangles {
+        let [a, b, c] = t.map(&corner);
+        let (e, f) = (b - a, c - a);
+        let double = e.cross(f).length();
+        let strain = match t.map(&image) {
+            [Some(a), Some(b), Some(c)] => triangle([e, f], [b - a, c - a], double),
+            _ => MOST,
+        };
+        sum += strain * double;
+        area += double;
+    }
+    sum / area
+}
+
 impl<const D: usize> FieldPair<'_, D> {
-    /// The mean over the target's area of `min(log^2 s1 + log^2 s2, 4)`, s the singular values of
-    /// the map of a triangle onto the source, both surfaces at unit area. O(V + F).
+    /// [`strain_of`] the map from the target onto the source. O(V + F).
     pub(super) fn strain<const K: usize>(&self, field: &Field<f64, K>) -> f64 {
         let shapes = &self.shapes;
         let topology = shapes.target.topology;
@@ -21,20 +43,8 @@ impl<const D: usize> FieldPair<'_, D> {
             field.map_point(point.into()).point().map(|p| shapes.source_point(&p))
         };
         let images: Vec<Option<DVec3>> = (0..shapes.used.len()).into_par_iter().map(image).collect();
-        let (mut sum, mut area) = (0.0, 0.0);
-        for (t, _) in topology.triangles.iter().zip(&topology.usable).filter(|(_, usable)| **usable) {
-            let [a, b, c] = t.map(|v| shapes.target_position(v as usize));
-            let (e, f) = (b - a, c - a);
-            let double = e.cross(f).length();
-            let [a, b, c] = t.map(|v| images[v as usize]);
-            let strain = match (a, b, c) {
-                (Some(a), Some(b), Some(c)) => triangle([e, f], [b - a, c - a], double),
-                _ => MOST,
-            };
-            sum += strain * double;
-            area += double;
-        }
-        sum / area
+        let usable = topology.triangles.iter().zip(&topology.usable).filter(|(_, usable)| **usable).map(|(t, _)| *t);
+        strain_of(usable, |v| shapes.target_position(v as usize), |v| images[v as usize])
     }
 }
 

@@ -1,4 +1,7 @@
+use glam::DVec3;
+
 use super::*;
+use crate::geometry::SurfacePoint;
 use crate::geometry::{Mesh, Topology};
 use crate::models::shapes::lobed_sphere;
 use crate::surface::anchors::vertex_point;

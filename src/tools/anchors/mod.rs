@@ -12,6 +12,7 @@
 
 mod connectivity;
 mod extremities;
+mod hypotheses;
 mod mirror;
 mod outliers;
 mod propose;
@@ -24,7 +25,7 @@ pub use extremities::Extremity;
 pub use mirror::mirrored;
 #[doc(hidden)]
 pub use mirror::{MirrorPlane, Mirrored};
-pub use outliers::Outlier;
+pub use outliers::{Contradictions, Outlier};
 pub use suggest::{Suggestion, suggest};
 
 use crate::error::{Error, Result};
@@ -126,9 +127,9 @@ impl Default for AnchorOptions {
 /// 13,000 vertices on two cores.
 ///
 /// # Errors
-/// [`Error::Option`] for a count of 0 or above [`MOST`]; [`Error::Input`] if the surfaces have
-/// different numbers of components, if there are no seeds and fewer than four limbs, or if the
-/// seeds do not fit.
+/// [`Error::Option`] for a count of 0 or above [`MOST`]; [`Error::Unusable`] without seeds if the
+/// surfaces have different numbers of components and none that is most of them, or fewer than four
+/// limbs; [`Error::Input`] if the seeds do not fit.
 pub fn propose(
     source: Shape<'_>,
     target: Shape<'_>,
@@ -140,23 +141,27 @@ pub fn propose(
         let what = format!("{} pairs", options.count);
         return Err(Error::option("count", what, format!("Give a number from 1 to {MOST}")));
     }
+    let couple = propose::Couple::new(source, target)?;
     let components = [source.topology.component_count, target.topology.component_count];
-    if components[0] != components[1] && seeds.is_empty() {
+    let bodies = couple.sides.iter().all(|side| side.main_component().is_some());
+    if components[0] != components[1] && !bodies && seeds.is_empty() {
         return Err(Error::unusable(
             format!(
-                "{} has {} components and {} has {}: without pairs it is not known which belong together",
+                "{} has {} components and {} has {}, and none that is most of it: without pairs it is not known which belong together",
                 source.mesh.name, components[0], target.mesh.name, components[1]
             ),
             "Give pairs with --anchors, at least one on every component of the target, or join the parts",
         ));
     }
-    let couple = propose::Couple::new(source, target)?;
     if !seeds.is_empty() {
         seeds.check((source.mesh, source.topology), (target.mesh, target.topology))?;
         return propose::propose(&couple, seeds, Origin::Given, options, progress);
     }
     let found = seedless::match_tips(&couple)?;
     let mut proposal = propose::propose(&couple, &found.pairs, Origin::Limb, options, progress)?;
+    for (p, error) in proposal.pairs.iter_mut().zip(&found.errors).filter(|(p, _)| p.origin == Origin::Limb) {
+        p.expected_error = *error;
+    }
     proposal.notes.insert(0, found.note);
     if let Some(text) = &found.ambiguity {
         for p in &mut proposal.pairs {
@@ -172,10 +177,11 @@ pub fn propose(
 /// more than 0.03 of the square root of the area, four times the median and 0.8 of the distance to
 /// the next pair (2.5 at tips, which no others surround). They are taken out one after the other,
 /// so that one wrong pair does not accuse its neighbours. Fewer than six pairs say nothing about
-/// one another, and nothing is named.
+/// one another, and nothing is named. Where most are wrong none can be named either:
+/// [`Contradictions::at_odds`].
 ///
 /// # Errors
 /// As [`crate::surface::correspondence::correspondence`].
-pub fn contradicted(source: Shape<'_>, target: Shape<'_>, pairs: &AnchorPairs) -> Result<Vec<Outlier>> {
+pub fn contradicted(source: Shape<'_>, target: Shape<'_>, pairs: &AnchorPairs) -> Result<Contradictions> {
     outliers::outliers(source, target, pairs)
 }

@@ -5,6 +5,7 @@ use glam::DVec3;
 use crate::error::Result;
 use crate::geometry::Frame;
 use crate::surface::correspondence::{CorrespondenceOptions, Method, Shape, correspondence};
+use crate::surface::field::FEWEST;
 use crate::surface::{AnchorPairs, PackedPoint};
 
 /// A pair that the others contradict.
@@ -15,6 +16,18 @@ pub struct Outlier {
     /// How far from its place on the source the others send it, over the square root of the
     /// source's area.
     pub off: f64,
+}
+
+/// What pairs say of one another.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Contradictions {
+    /// Pairs that the others contradict, worst first.
+    pub outliers: Vec<Outlier>,
+    /// What half of them are missed by where most must be wrong, and none can be named
+    /// ([`FieldReport::at_odds`](crate::surface::field::FieldReport::at_odds)).
+    pub at_odds: Option<f64>,
+    /// Whether there are too few to say anything.
+    pub too_few: bool,
 }
 
 /// Least error of a wrong pair, over the square root of the area.
@@ -31,12 +44,10 @@ const NEIGHBOURS: usize = 5;
 const OF_MEDIAN: f64 = 4.0;
 /// Pairs taken out one after the other.
 const MOST: usize = 16;
-/// Fewer pairs say nothing about one another.
-const FEWEST: usize = 6;
 
 /// Names the pairs that the others contradict, worst first. What was taken out while another wrong
 /// pair accused it is put back in the end.
-pub(super) fn outliers(source: Shape<'_>, target: Shape<'_>, pairs: &AnchorPairs) -> Result<Vec<Outlier>> {
+pub(super) fn outliers(source: Shape<'_>, target: Shape<'_>, pairs: &AnchorPairs) -> Result<Contradictions> {
     let options = CorrespondenceOptions {
         method: Method::Field,
         confidence: false,
@@ -50,12 +61,14 @@ pub(super) fn outliers(source: Shape<'_>, target: Shape<'_>, pairs: &AnchorPairs
     let mut out: Vec<Outlier> = Vec::new();
     let map_of = |kept: &[usize]| correspondence(source, target, &pairs.part(kept), &options);
     let mut usual = 0.0;
+    let mut at_odds = None;
     while kept.len() >= FEWEST && out.len() < MOST {
         let map = map_of(&kept)?;
         let Some(report) = map.field() else { break };
         let mut sorted = report.left_out.clone();
         sorted.sort_by(f64::total_cmp);
         usual = sorted[sorted.len() / 2];
+        at_odds = report.at_odds();
         let worst = (0..kept.len())
             .map(|k| Outlier { index: kept[k], off: report.left_out[k] })
             .filter(|o| o.off > bound(&at, &kept, o.index, usual))
@@ -64,8 +77,9 @@ pub(super) fn outliers(source: Shape<'_>, target: Shape<'_>, pairs: &AnchorPairs
         kept.retain(|i| *i != worst.index);
         out.push(worst);
     }
+    let said = |outliers| Contradictions { outliers, at_odds, too_few: pairs.len() < FEWEST };
     if out.len() < 2 {
-        return Ok(out);
+        return Ok(said(out));
     }
     let map = map_of(&kept)?;
     let points: Vec<PackedPoint> = out.iter().map(|o| pairs.target[o.index].into()).collect();
@@ -78,7 +92,7 @@ pub(super) fn outliers(source: Shape<'_>, target: Shape<'_>, pairs: &AnchorPairs
     }
     out.retain(|o| o.off > bound(&at, &kept, o.index, usual));
     out.sort_by(|a, b| b.off.total_cmp(&a.off).then(a.index.cmp(&b.index)));
-    Ok(out)
+    Ok(said(out))
 }
 
 /// The error beyond which pair `i` counts as wrong beside the pairs `kept`; `usual` is the median

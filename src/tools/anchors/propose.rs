@@ -6,7 +6,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::connectivity::{contradicting, same_vertices};
-use super::outliers::{Outlier, outliers};
+use super::outliers::outliers;
 use super::register::{Hold, Registration, mismatch_of, register};
 use super::side::Side;
 use super::{AnchorOptions, Origin, Proposal, Proposed};
@@ -19,7 +19,7 @@ use crate::surface::correspondence::{CorrespondenceOptions, Method, Shape, corre
 use crate::tools::vertex_map::vertex_map;
 
 /// A mirror image disagrees by less than this part of what the surface as it is does.
-const MIRRORED: f64 = 0.7;
+pub(super) const MIRRORED: f64 = 0.7;
 /// Places that mismatch and slope of the relief leave more uncertain are passed over, at unit area.
 const SIGMA: f64 = 0.05;
 /// Places that the two registrations do not bring back as near are passed over.
@@ -90,7 +90,7 @@ impl Growing<'_, '_> {
     /// Takes out proposals that the others contradict.
     fn drop_contradicted(&mut self, given: usize) -> Result<()> {
         let [s, t] = self.couple.shapes;
-        let wrong: Vec<Outlier> = outliers(s, t, &self.anchors())?;
+        let wrong = outliers(s, t, &self.anchors())?.outliers;
         let indices: Vec<usize> = wrong.iter().map(|o| o.index).filter(|i| *i >= given).collect();
         let mut k = 0;
         self.pairs.retain(|p| {

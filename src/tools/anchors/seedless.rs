@@ -1,10 +1,8 @@
 //! First pairs where none are given: tips of limbs matched by the distances between them.
 
-use glam::DVec3;
-
 use super::extremities::{Extremity, extremities};
+use super::hypotheses::{Assignment, Chosen, choose};
 use super::propose::Couple;
-use super::register::mismatch_of;
 use crate::control;
 use crate::error::{Error, Result};
 use crate::geometry::{Geodesics, SurfacePoint};
@@ -20,27 +18,29 @@ const FEWEST: usize = 4;
 const BEAM: usize = 400;
 /// Cost of a tip without a partner.
 const ALONE: f64 = 0.6;
-/// Complete matches that are tried as maps: those whose distances fit as well as the best, up to
-/// this much.
-const TRIED: usize = 8;
-const AS_WELL: f64 = 0.35;
-/// Two maps whose relief disagrees by less than this part cannot be told apart by it.
-const ALIKE: f64 = 0.15;
+/// Matches that are looked at: those whose distances fit best.
+const LOOKED_AT: usize = 8;
+/// Of these, the ones from which others are made by one exchange.
+const VARIED: usize = 1;
+const GIVE_PAIRS: &str =
+    "Give a few pairs with --anchors, better eight: vertex numbers or positions, as any 3D program shows them";
 
 /// Pairs found without seeds.
 #[derive(Clone, Debug)]
 pub(super) struct Seedless {
     pub(super) pairs: AnchorPairs,
+    /// The error to be expected of each: how far the ends of its limbs are blunt, at unit area.
+    pub(super) errors: Vec<f64>,
     /// What could not be decided, in words.
     pub(super) ambiguity: Option<String>,
     /// What was found, in words.
     pub(super) note: String,
 }
 
-/// A match: for each tip of the target the tip of the source or none.
+/// A match, and how badly distances fit.
 #[derive(Clone, Debug)]
 struct Match {
-    partner: Vec<Option<usize>>,
+    partner: Assignment,
     cost: f64,
 }
 
@@ -55,6 +55,9 @@ impl Tips {
         let side = &couple.sides[side];
         let geodesics = Geodesics::of(&side.positions, &side.triangles);
         let mut tips = extremities(side, &geodesics);
+        if let Some(main) = side.main_component() {
+            tips.retain(|t| side.topology.vertex_component[t.vertex as usize] == main);
+        }
         tips.retain(|t| t.height >= LIMB);
         tips.truncate(LIMBS);
         let vertices: Vec<u32> = tips.iter().map(|t| t.vertex).collect();
@@ -72,9 +75,9 @@ impl Tips {
 /// Matches the tips of two surfaces.
 ///
 /// Assignments are searched by beam: a pair of tips costs the relative difference of its distances
-/// to all pairs before it. Distances along the surface do not tell left from right; the few
-/// assignments that fit as well as the best are each made a map, and that whose relief agrees best
-/// over the whole surface is taken: a mirrored map shows bumps where there are dents.
+/// to all pairs before it. Distances between tips are coarse evidence: the best assignments, and
+/// those that differ from them by one exchange or one tip less, are each made a map, which is
+/// judged as a whole ([`super::hypotheses`]).
 ///
 /// # Errors
 /// [`Error::Unusable`] if either surface has fewer than four limbs, or no assignment fits.
@@ -88,48 +91,58 @@ pub(super) fn match_tips(couple: &Couple<'_>) -> Result<Seedless> {
                     shape.mesh.name,
                     tips.tips.len()
                 ),
-                "Give a few pairs with --anchors, better eight: vertex numbers or positions, as any 3D program shows them",
+                GIVE_PAIRS,
             ));
         }
     }
-    let mut matches = search(&source, &target);
-    let best = matches.first().map_or(0.0, |m| m.cost);
-    matches.retain(|m| m.cost <= best + AS_WELL && m.partner.iter().flatten().count() >= FEWEST);
-    matches.truncate(TRIED);
-    let mut tried = Vec::new();
-    for m in &matches {
-        let pairs = anchors(couple, &source, &target, m);
-        let images = couple.images(&pairs, 0)?;
-        let off = mismatch_of(&couple.sides[0], &couple.sides[1], &images, 1.0)?;
-        tried.push((off, spatial(couple, &pairs), pairs, m));
-    }
-    tried.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let Some((off, near, pairs, chosen)) = tried.first().cloned() else {
+    let assignments = hypotheses(&search(&source, &target));
+    let named = |m: &Assignment| anchors(couple, &source, &target, m);
+    let Some(Chosen { assignment, rival, mirrored }) = choose(couple, &assignments, named)? else {
         return Err(Error::unusable(
-            "no assignment of the limbs of one surface to those of the other keeps the distances between them",
-            "Give a few pairs with --anchors, better eight: vertex numbers or positions, as any 3D program shows them",
+            "no assignment of the limbs of one surface to those of the other makes a map",
+            GIVE_PAIRS,
         ));
     };
-    let rivals: Vec<_> = tried[1..].iter().filter(|t| t.0 <= off * (1.0 + ALIKE)).collect();
-    // Where the relief cannot tell, the poses decide.
-    let mut result = (off, near, pairs, chosen);
-    let mut ambiguity = None;
-    if !rivals.is_empty() {
-        if let Some(r) = rivals.iter().min_by(|a, b| a.1.total_cmp(&b.1)).filter(|r| r.1 < near) {
-            result = (r.0, r.1, r.2.clone(), r.3);
-        }
-        ambiguity = Some(format!(
-            "{} assignments of the limbs fit nearly as well (left and right, or front and back, may be exchanged); the one nearest in space was taken: look at the pairs",
-            rivals.len() + 1
-        ));
-    }
-    let note = format!(
-        "{} limbs matched without seeds out of {} and {}",
-        result.2.len(),
-        source.tips.len(),
-        target.tips.len()
-    );
-    Ok(Seedless { pairs: result.2, ambiguity, note })
+    let ambiguity = match rival {
+        Some(other) => Some(question(couple, &source, &target, &assignment, &other)),
+        None => mirrored.then(|| {
+            "the only assignment of the limbs that fits makes one surface the mirror image of the other: give one pair \
+             of a left or right limb with --anchors"
+                .to_owned()
+        }),
+    };
+    let pairs = named(&assignment);
+    let errors = assignment
+        .iter()
+        .zip(&target.tips)
+        .filter_map(|(s, t)| Some(0.5 * source.tips[(*s)?].extent.max(t.extent)))
+        .collect();
+    let note =
+        format!("{} limbs matched without seeds out of {} and {}", pairs.len(), source.tips.len(), target.tips.len());
+    Ok(Seedless { pairs, errors, ambiguity, note })
+}
+
+/// What could not be decided, and the pair that would decide it.
+fn question(couple: &Couple<'_>, source: &Tips, target: &Tips, taken: &Assignment, other: &Assignment) -> String {
+    let place = |side: usize, v: u32| {
+        let p = couple.shapes[side].mesh.positions[v as usize];
+        format!("({:.4} {:.4} {:.4})", p.x, p.y, p.z)
+    };
+    let named = |s: Option<usize>| match s {
+        Some(s) => format!("at {}", place(0, source.tips[s].vertex)),
+        None => "none of the limbs".to_owned(),
+    };
+    // Tips are sorted by the length of their limbs.
+    let first = (0..taken.len()).find(|&t| taken[t] != other[t]).unwrap_or(0);
+    format!(
+        "another assignment of the limbs fits nearly as well (left and right, or front and back, may be exchanged): is \
+         the partner of the limb that ends at {} on {} {}, or {} on {}? Give that pair with --anchors",
+        place(1, target.tips[first].vertex),
+        couple.shapes[1].mesh.name,
+        named(taken[first]),
+        named(other[first]),
+        couple.shapes[0].mesh.name,
+    )
 }
 
 fn search(source: &Tips, target: &Tips) -> Vec<Match> {
@@ -171,10 +184,38 @@ fn search(source: &Tips, target: &Tips) -> Vec<Match> {
     beam
 }
 
-fn anchors(couple: &Couple<'_>, source: &Tips, target: &Tips, m: &Match) -> AnchorPairs {
+/// The best matches, and what differs from the first of them by the exchange of two tips or by one
+/// tip less: distances do not tell left from right, and a limb that one of the surfaces lacks
+/// finds a partner all the same.
+fn hypotheses(matches: &[Match]) -> Vec<Assignment> {
+    let matched = |m: &Assignment| m.iter().flatten().count();
+    let mut all: Vec<Assignment> = Vec::new();
+    let add = |m: Assignment, all: &mut Vec<Assignment>| {
+        if matched(&m) >= FEWEST && !all.contains(&m) {
+            all.push(m);
+        }
+    };
+    let usable = matches.iter().filter(|m| matched(&m.partner) >= FEWEST);
+    usable.take(LOOKED_AT).for_each(|m| add(m.partner.clone(), &mut all));
+    for m in all.clone().into_iter().take(VARIED) {
+        for i in 0..m.len() {
+            for j in (0..i).filter(|&j| m[i] != m[j]) {
+                let mut other = m.clone();
+                other.swap(i, j);
+                add(other, &mut all);
+            }
+            let mut less = m.clone();
+            less[i] = None;
+            add(less, &mut all);
+        }
+    }
+    all
+}
+
+fn anchors(couple: &Couple<'_>, source: &Tips, target: &Tips, m: &Assignment) -> AnchorPairs {
     let point = |side: usize, v: u32| -> Option<SurfacePoint> { couple.sides[side].topology.vertex_point(v) };
     let mut pairs = AnchorPairs::default();
-    for (t, s) in m.partner.iter().enumerate() {
+    for (t, s) in m.iter().enumerate() {
         let Some(s) = s else { continue };
         if let (Some(a), Some(b)) = (point(0, source.tips[*s].vertex), point(1, target.tips[t].vertex)) {
             pairs.source.push(a);
@@ -182,15 +223,4 @@ fn anchors(couple: &Couple<'_>, source: &Tips, target: &Tips, m: &Match) -> Anch
         }
     }
     pairs
-}
-
-/// How far the pairs are apart in space as the files have them, both centred: people pose their
-/// models alike.
-fn spatial(couple: &Couple<'_>, pairs: &AnchorPairs) -> f64 {
-    let at = |side: usize, points: &[SurfacePoint]| -> Vec<DVec3> {
-        let x: Vec<DVec3> = points.iter().map(|p| couple.sides[side].position(p)).collect();
-        let mean = x.iter().sum::<DVec3>() / x.len().max(1) as f64;
-        x.into_iter().map(|p| p - mean).collect()
-    };
-    at(0, &pairs.source).iter().zip(at(1, &pairs.target)).map(|(a, b)| a.distance_squared(b)).sum()
 }

@@ -17,6 +17,9 @@ pub(super) const CHANNELS: usize = SCALES.len() + 1;
 /// The scale over which a map's local rotation is measured.
 pub(super) const FRAME: usize = 3;
 
+/// Part of the area that makes a component the main one.
+const MAIN: f64 = 0.7;
+
 /// One vector per channel.
 pub(super) type Relief = [DVec3; CHANNELS];
 
@@ -67,6 +70,18 @@ impl<'a> Side<'a> {
         }
         side.relief = relief;
         Ok(side)
+    }
+
+    /// The component that has most of the area, the body beside eyes and buckles; none where no one
+    /// does. O(F).
+    pub(super) fn main_component(&self) -> Option<u32> {
+        let mut areas = vec![0.0; self.topology.component_count as usize];
+        for t in &self.triangles {
+            let [a, b, c] = t.map(|v| self.positions[v as usize]);
+            areas[self.topology.vertex_component[t[0] as usize] as usize] += (b - a).cross(c - a).length();
+        }
+        let all: f64 = areas.iter().sum();
+        (0..).zip(areas).find(|(_, area)| *area >= MAIN * all).map(|(component, _)| component)
     }
 
     /// `(M + t S)^-1 M x`: `x` diffused for the time of scale `k`.
