@@ -2,6 +2,7 @@
 //! truth.
 
 use barymap::geometry::{ClosestPoints, Mesh, SurfacePoint};
+use barymap::io::anchors::read_single;
 use barymap::models::character_pair;
 use barymap::progress::Quiet;
 use barymap::surface::correspondence::{CorrespondenceOptions, Method, correspondence};
@@ -11,7 +12,7 @@ use barymap::tools::anchors::{AnchorOptions, Origin, Proposal, Proposed, contrad
 use barymap::tools::vertex_map::vertex_map;
 use glam::DVec3;
 
-use crate::common::load;
+use crate::common::{data, load};
 use crate::embedded::Embedded;
 
 fn embedded(mesh: Mesh) -> Embedded {
@@ -278,4 +279,37 @@ fn eight_seeds_grow_on_real_pairs() {
     println!("by shape alone, geometric mean of what growing makes of the error: {mean:.3}");
     // The map by the seeds alone compares all the proposals compare: little is left to gain.
     assert!(mean < 0.97, "{mean}");
+}
+
+#[test]
+#[ignore = "needs BARYMAP_DATA"]
+fn without_seeds_another_animal_gets_the_right_limbs_or_a_question() {
+    // Each of the two has a limb among its longest that the other one lacks there.
+    let folder = data("gt/shrec_quadrupeds");
+    let [source, target] = ["388", "391"].map(|name| embedded(load(&format!("gt/shrec_quadrupeds/{name}.obj"))));
+    let landmarks = |name: &str, shape: &Embedded| -> Vec<DVec3> {
+        let list = read_single(folder.join(name)).unwrap();
+        let found = list.resolve(&shape.mesh, &shape.topology, &|_| unreachable!("by vertex")).unwrap();
+        found.iter().map(|a| a.point.position(&shape.mesh)).collect()
+    };
+    let (on_source, on_target) = (landmarks("388.vts", &source), landmarks("391.vts", &target));
+    let options = AnchorOptions { count: 12, connectivity: false };
+    let proposal = propose(source.shape(), target.shape(), &AnchorPairs::default(), &options, &Quiet).unwrap();
+    let units = [source.mesh.area().sqrt(), target.mesh.area().sqrt()];
+    // A pair is judged by the landmark next to it.
+    let off = |p: &Proposed| -> Option<f64> {
+        let (s, t) = (p.source.position(&source.mesh), p.target.position(&target.mesh));
+        let near =
+            (0..on_target.len()).min_by(|&a, &b| on_target[a].distance(t).total_cmp(&on_target[b].distance(t)))?;
+        (on_target[near].distance(t) < 0.1 * units[1]).then(|| on_source[near].distance(s) / units[0])
+    };
+    let limbs: Vec<f64> = proposal.pairs.iter().filter(|p| p.origin == Origin::Limb).filter_map(off).collect();
+    let right = limbs.len() >= 3 && limbs.iter().all(|off| *off < 0.2);
+    let asked = proposal.ambiguity.is_some() && proposal.pairs.iter().all(|p| p.flagged.is_some());
+    assert!(right || asked, "{limbs:?}");
+    // The measure of the limbs can fail: two are exchanged.
+    let mut wrong = proposal.clone();
+    let (a, b) = (wrong.pairs[0].source, wrong.pairs[1].source);
+    (wrong.pairs[0].source, wrong.pairs[1].source) = (b, a);
+    assert!(wrong.pairs[..2].iter().filter_map(off).any(|off| off > 0.2));
 }

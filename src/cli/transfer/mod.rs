@@ -158,7 +158,8 @@ pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     arguments.look.check_model()?;
     check_outputs(arguments.look.model.as_deref().into_iter().chain(arguments.charts.unwrapped.as_deref()))?;
     arguments.charts.check(arguments.look.size, arguments.look.model.is_some())?;
-    arguments.output.iter().try_for_each(crate::io::image_file::check_image_extension)?;
+    let pictures = arguments.output.iter().chain(&arguments.look.coverage);
+    pictures.into_iter().try_for_each(crate::io::image_file::check_image_extension)?;
     arguments.quality.check(&arguments.output)?;
     let stmap = arguments.look.stmap.as_ref();
     if let Some(name) = stmap.filter(|n| !n.to_ascii_lowercase().ends_with(".exr")) {

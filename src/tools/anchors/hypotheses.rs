@@ -2,9 +2,9 @@
 //!
 //! Distances between tips are a few numbers; a map is thousands. A wrong assignment stretches and
 //! folds the surface somewhere, in one direction or in both, so that its strain is larger. Where a
-//! shape is its own mirror image, the mirrored assignment strains no more, but then the relief
-//! disagrees: bumps lie where there are dents. Where neither tells, poses do: people make their
-//! models stand alike.
+//! shape is its own mirror image, the mirrored assignment may strain less, but then the relief
+//! agrees with that of a mirror image only: bumps lie where there are dents. Where neither tells,
+//! poses do: people make their models stand alike.
 
 use glam::DVec3;
 
@@ -27,6 +27,10 @@ const CLEAR: f64 = 0.25;
 /// The relief of another one disagrees by more than so many times, or it may be the right one.
 const BUMPS: f64 = 1.3;
 
+/// Relief that disagrees by more says nothing for a map: that of two surfaces without anything in
+/// common disagrees by about 2, of right maps between people or animals by 0.2 to 0.9.
+const LOST: f64 = 1.2;
+
 /// What speaks for an assignment; less is better.
 #[derive(Clone, Copy, Debug)]
 struct Evidence {
@@ -47,6 +51,8 @@ pub(super) struct Chosen {
     pub(super) rival: Option<Assignment>,
     /// Whether its map turns the surface into its mirror image.
     pub(super) mirrored: bool,
+    /// Whether the relief says nothing for it.
+    pub(super) lost: bool,
 }
 
 /// The assignment whose map is the best, and the next one where that is not clear; none where no
@@ -88,6 +94,10 @@ pub(super) fn choose(
         };
         judged.push((evidence, m));
     }
+    // Shapes are rarely mirror images of one another: such a map is taken where there is no other.
+    if judged.iter().any(|(e, _)| !e.mirrored) {
+        judged.retain(|(e, _)| !e.mirrored);
+    }
     let Some(least) = judged.iter().map(|(e, _)| e.strain).min_by(f64::total_cmp) else { return Ok(None) };
     let mut close: Vec<&(Evidence, &Assignment)> =
         judged.iter().filter(|(e, _)| e.strain <= least * (1.0 + CLEAR)).collect();
@@ -97,7 +107,12 @@ pub(super) fn choose(
     let rivals: Vec<_> = rivals.copied().collect();
     let nearest = rivals.iter().copied().chain([first]).min_by(|a, b| a.0.apart.total_cmp(&b.0.apart)).unwrap_or(first);
     let rival = rivals.into_iter().chain([first]).find(|r| !agree(r.1, nearest.1));
-    Ok(Some(Chosen { assignment: nearest.1.clone(), rival: rival.map(|r| r.1.clone()), mirrored: nearest.0.mirrored }))
+    Ok(Some(Chosen {
+        assignment: nearest.1.clone(),
+        rival: rival.map(|r| r.1.clone()),
+        mirrored: nearest.0.mirrored,
+        lost: nearest.0.relief > LOST,
+    }))
 }
 
 /// Whether all that an assignment says another one says too.

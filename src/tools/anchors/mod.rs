@@ -165,7 +165,7 @@ pub fn propose(
     proposal.notes.insert(0, found.note);
     if let Some(text) = &found.ambiguity {
         for p in &mut proposal.pairs {
-            p.flagged.get_or_insert_with(|| "left and right, or front and back, may be exchanged".to_owned());
+            p.flagged.get_or_insert_with(|| "limbs may be exchanged, left and right or front and back".to_owned());
         }
         proposal.notes.push(text.clone());
     }

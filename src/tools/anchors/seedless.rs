@@ -97,7 +97,7 @@ pub(super) fn match_tips(couple: &Couple<'_>) -> Result<Seedless> {
     }
     let assignments = hypotheses(&search(&source, &target));
     let named = |m: &Assignment| anchors(couple, &source, &target, m);
-    let Some(Chosen { assignment, rival, mirrored }) = choose(couple, &assignments, named)? else {
+    let Some(Chosen { assignment, rival, mirrored, lost }) = choose(couple, &assignments, named)? else {
         return Err(Error::unusable(
             "no assignment of the limbs of one surface to those of the other makes a map",
             GIVE_PAIRS,
@@ -105,9 +105,14 @@ pub(super) fn match_tips(couple: &Couple<'_>) -> Result<Seedless> {
     };
     let ambiguity = match rival {
         Some(other) => Some(question(couple, &source, &target, &assignment, &other)),
-        None => mirrored.then(|| {
+        None if mirrored => Some(
             "the only assignment of the limbs that fits makes one surface the mirror image of the other: give one pair \
              of a left or right limb with --anchors"
+                .to_owned(),
+        ),
+        None => lost.then(|| {
+            "under no assignment of the limbs do the shapes agree between them: the one that strains least is taken; \
+             give a few pairs with --anchors, a limb each"
                 .to_owned()
         }),
     };

@@ -31,10 +31,11 @@ impl Bands {
     /// Sorts triangles into bands of `rows` rows of a grid of samples.
     pub(super) fn new(mesh: &Mesh, projected: &[DVec3], width: u32, height: u32, rows: u32) -> Self {
         let mut triangles = vec![Vec::new(); height.div_ceil(rows) as usize];
+        let first = firsts(projected);
         let mut known = HashSet::with_capacity(mesh.triangle_count());
         for t in 0..mesh.triangle_count() {
-            // A copy is nowhere nearer than the first.
-            if !known.insert(mesh.triangle(t)) {
+            // A copy is nowhere nearer than the first, whatever its vertices are called.
+            if !known.insert(mesh.triangle(t).map(|v| first[v as usize])) {
                 continue;
             }
             let p = mesh.triangle(t).map(|v| projected[v as usize]);
@@ -80,6 +81,18 @@ impl Bands {
         }
         out
     }
+}
+
+/// For each vertex the lowest one at the same place. O(V log V).
+fn firsts(projected: &[DVec3]) -> Vec<u32> {
+    let place = |v: u32| projected[v as usize].to_array().map(f64::to_bits);
+    let mut order: Vec<u32> = (0..projected.len() as u32).collect();
+    let mut first = order.clone();
+    order.sort_unstable_by(|&a, &b| place(a).cmp(&place(b)).then(a.cmp(&b)));
+    for pair in order.windows(2).filter(|pair| place(pair[0]) == place(pair[1])) {
+        first[pair[1] as usize] = first[pair[0] as usize];
+    }
+    first
 }
 
 impl Fragments {
@@ -196,6 +209,16 @@ mod tests {
                 assert_eq!(seen[y * 5 + x], expected, "({x}, {y})");
             }
         }
+    }
+
+    #[test]
+    fn copies_are_drawn_once_whatever_their_vertices_are_called() {
+        let corners = [DVec3::ZERO, DVec3::new(4.0, 0.0, 0.0), DVec3::new(0.0, 4.0, 0.0)];
+        let p: Vec<DVec3> = corners.into_iter().cycle().take(300).chain([DVec3::new(0.0, 4.0, 1.0)]).collect();
+        let mut triangles: Vec<[u32; 3]> = (0..100).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+        triangles.push([0, 1, 300]);
+        let mesh = Mesh::of_triangles("copies", p.clone(), &triangles);
+        assert_eq!(Bands::new(&mesh, &p, 5, 5, 5).triangles, [[0, 100]]);
     }
 
     #[test]
