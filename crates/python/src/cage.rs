@@ -80,12 +80,7 @@ pub(crate) struct Cage {
 }
 
 impl Cage {
-    fn made(
-        loops: [Vec<Vec<DVec2>>; 2],
-        mapping: &Mapping,
-        common: Common,
-        progress: &dyn Progress,
-    ) -> Result<Self> {
+    fn made(loops: [Vec<Vec<DVec2>>; 2], mapping: &Mapping, common: Common, progress: &dyn Progress) -> Result<Self> {
         let [source, target] = loops;
         let options = mapping.options()?;
         let cage = Polygons::new(source, target)?;
@@ -197,8 +192,7 @@ impl Cage {
             "failed": {"inside": s.failed_inside, "outside": s.failed_outside},
         });
         let (w, h) = (made.image.width as usize, made.image.height as usize);
-        let jacobian =
-            made.jacobian.map(|j| Array2::from_shape_fn((h, w), |(y, x)| j[y * w + x]).into_pyarray(py));
+        let jacobian = made.jacobian.map(|j| Array2::from_shape_fn((h, w), |(y, x)| j[y * w + x]).into_pyarray(py));
         Ok((of_image(py, made.image)?, jacobian, report.to_string()))
     }
 

@@ -1,5 +1,7 @@
 //! Splines, decals and charts.
 
+use std::sync::Arc;
+
 use barymap::desk::Subject;
 use barymap::geometry::{ClosestPoints, Placement, SurfacePoint};
 use barymap::io::anchors::AnchorSpec;
@@ -18,7 +20,7 @@ use crate::anchors::Side;
 use crate::arrays::{Places, image, of_image, of_places, of_points3, points2};
 use crate::settings::{Common, Embedded, word};
 use crate::shape::Shape;
-use crate::work::run;
+use crate::work::{run, run_apart};
 
 /// What a spline is like: a dictionary of the Python half.
 #[derive(Clone, Debug, FromPyObject)]
@@ -212,8 +214,8 @@ pub(crate) fn unwrap(
     chart_angle: f64,
     common: Common,
 ) -> PyResult<(Shape, String)> {
-    let subject = &mesh.subject;
-    let work = |_: &dyn Progress| {
+    let subject = Arc::clone(&mesh.subject);
+    let work = move || {
         // On a small texture a wide margin would leave no room for the charts.
         let gap = margin.clamp(1, (size / 64).max(2));
         let made = cut(&subject.mesh, &subject.topology, &UnwrapOptions { size, gap, angle: chart_angle })?;
@@ -228,5 +230,5 @@ pub(crate) fn unwrap(
         });
         Ok((Shape::of(Subject::new(made.mesh)?), report.to_string()))
     };
-    run(py, None, common.memory, work)
+    run_apart(py, common.memory, work)
 }

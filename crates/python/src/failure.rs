@@ -23,9 +23,8 @@ pub(crate) fn raised(py: Python<'_>, class: &str, what: &str, place: Option<&str
 
 /// Class, what, where, remedy.
 fn parts(error: &Error) -> (&'static str, String, Option<String>, String) {
-    let with = |class, what: &str, place: Option<String>, remedy: &str| {
-        (class, what.to_owned(), place, remedy.to_owned())
-    };
+    let with =
+        |class, what: &str, place: Option<String>, remedy: &str| (class, what.to_owned(), place, remedy.to_owned());
     match error {
         Error::Io { path, source, remedy } => {
             with("FileError", &source.to_string(), Some(path.display().to_string()), remedy)

@@ -76,9 +76,10 @@ pub(crate) fn anchors<'py>(
             notes.extend(p.notes.iter().cloned());
             report["given"] = json!(p.given);
             report["ambiguity"] = json!(p.ambiguity);
-            let each = p.pairs.iter().map(
-                |p| json!({"origin": p.origin.word(), "expected_error": p.expected_error, "flagged": p.flagged}),
-            );
+            let each = p
+                .pairs
+                .iter()
+                .map(|p| json!({"origin": p.origin.word(), "expected_error": p.expected_error, "flagged": p.flagged}));
             report["pairs"] = each.collect();
         }
         if wanted.suggest > 0 {

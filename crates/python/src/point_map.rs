@@ -2,6 +2,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
+use barymap::Result;
 use barymap::desk::{Choice, Subject, correspond};
 use barymap::engine::Engine;
 use barymap::geometry::SurfacePoint;
@@ -9,7 +10,6 @@ use barymap::progress::Progress;
 use barymap::surface::{AnchorPairs, IdentityMap, PackedImage, PackedPoint, PointMap as Map};
 use barymap::tools::inverse_map::{PreImage, inverse_map};
 use barymap::tools::vertex_map::{VertexMap, vertex_map};
-use barymap::Result;
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use serde_json::{Value, json};

@@ -36,7 +36,11 @@ fn quality(name: &str, stiffness: f64, sweeps: usize) -> Result<Quality> {
         return Err(Error::option("stiffness", format!("{stiffness} is out of range"), "Give a number from 0 to 1e6"));
     }
     if sweeps > 1000 {
-        return Err(Error::option("sweeps", format!("{sweeps} is more than 1000"), "Use quality=\"converged\" instead"));
+        return Err(Error::option(
+            "sweeps",
+            format!("{sweeps} is more than 1000"),
+            "Use quality=\"converged\" instead",
+        ));
     }
     let quality = match name {
         "splits" => Quality::SPLITS,
@@ -213,4 +217,3 @@ pub(crate) fn morph<'py>(
     let all = run(py, progress.as_ref(), common.memory, work)?;
     Ok(frames_of(py, &all, first.vertex_count()))
 }
-

@@ -20,8 +20,11 @@ pub(crate) struct Common {
     pub(crate) cache: bool,
 }
 
+/// By back end and adapter.
+type Engines = HashMap<(String, Option<String>), Engine>;
+
 /// Engines that were started, which live as long as the process.
-static ENGINES: OnceLock<Mutex<HashMap<(String, Option<String>), Engine>>> = OnceLock::new();
+static ENGINES: OnceLock<Mutex<Engines>> = OnceLock::new();
 
 impl Common {
     /// The engine: started once for each back end and adapter.

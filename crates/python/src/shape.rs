@@ -133,7 +133,11 @@ impl Shape {
             "obj" => write_obj(mesh, &path),
             "ply" => write_ply(mesh, None, &path),
             "glb" => write_glb(&path, mesh, &[]),
-            _ => Err(Error::option("path", format!("{} is neither OBJ, PLY nor GLB", path.display()), "Name one that is")),
+            _ => Err(Error::option(
+                "path",
+                format!("{} is neither OBJ, PLY nor GLB", path.display()),
+                "Name one that is",
+            )),
         };
         run(py, None, u64::MAX, work)
     }
@@ -200,7 +204,6 @@ impl Shape {
     /// Colours of vertices (n, 4), 0 to 1.
     fn colors<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray2<f32>>> {
         let colors = &self.subject.mesh.colors;
-        (!colors.is_empty())
-            .then(|| Array2::from_shape_fn((colors.len(), 4), |(i, k)| colors[i][k]).into_pyarray(py))
+        (!colors.is_empty()).then(|| Array2::from_shape_fn((colors.len(), 4), |(i, k)| colors[i][k]).into_pyarray(py))
     }
 }

@@ -163,9 +163,11 @@ pub(crate) fn transfer<'py>(
     Ok((pictures, of_image(py, made.coverage)?, stmap, report))
 }
 
+/// Values (n, columns) and status (n,).
+type Carried<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<u8>>);
+
 /// Data (n, columns) of the source's vertices on the target's, with the status of each.
 #[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "a map, data, and what is done with them")]
 pub(crate) fn attributes<'py>(
     py: Python<'py>,
     map: &PointMap,
@@ -174,7 +176,7 @@ pub(crate) fn attributes<'py>(
     keep: usize,
     fill: &str,
     progress: Option<Py<PyAny>>,
-) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<u8>>)> {
+) -> PyResult<Carried<'py>> {
     let columns = values.as_array().ncols();
     let values: Vec<f64> = values.as_array().iter().copied().collect();
     let work = |_: &dyn Progress| {

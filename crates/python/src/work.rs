@@ -38,38 +38,68 @@ pub(crate) fn run<T: Send>(
                 drop(done);
                 result
             };
-            let worker = match thread::Builder::new().name("barymap".into()).stack_size(STACK).spawn_scoped(scope, job)
-            {
+            let worker = match named().spawn_scoped(scope, job) {
                 Ok(worker) => worker,
                 Err(error) => return (None, Some(PyErr::from(error))),
             };
-            let (mut stopped, mut seen) = (None, Seen::default());
-            while let Err(RecvTimeoutError::Timeout) = wait.recv_timeout(LOOK) {
-                if stopped.is_none() {
-                    stopped = Python::attach(|py| look(py, progress, told, &mut seen)).err();
-                    if stopped.is_some() {
-                        control.cancel();
-                    }
-                }
+            let mut seen = Seen::default();
+            let mut stopped = attend(&wait, progress, told, &mut seen).err();
+            if stopped.is_some() {
+                control.cancel();
             }
             let result = worker.join();
             if stopped.is_none() {
                 stopped = Python::attach(|py| look(py, progress, told, &mut seen)).err();
             }
-            (Some(result), stopped)
+            (Some(result.ok()), stopped)
         })
     });
     match (result, stopped) {
         (_, Some(stopped)) => Err(stopped),
-        (Some(Ok(Ok(value))), None) => Ok(value),
-        (Some(Ok(Err(error))), None) => Err(exception(py, &error)),
-        // A mistake of the library is an exception like others, not one that `except Exception`
-        // passes over.
-        (_, None) => {
-            let remedy = "This is a mistake of barymap: please report it with the input";
-            Err(raised(py, "InternalError", "the work ended early", None, remedy))
-        }
+        (Some(Some(result)), None) => result.map_err(|error| exception(py, &error)),
+        (_, None) => Err(mistake(py)),
     }
+}
+
+/// As [`run`], for work of another library that cannot be stopped: what was begun when a signal
+/// came is left to end by itself, and dropped.
+pub(crate) fn run_apart<T: Send + 'static>(
+    py: Python<'_>,
+    memory: u64,
+    work: impl FnOnce() -> barymap::Result<T> + Send + 'static,
+) -> PyResult<T> {
+    let control = Control::with_memory(memory);
+    let result = py.detach(|| {
+        let (done, wait) = mpsc::channel::<()>();
+        let job = move || {
+            let result = control.run(work);
+            drop(done);
+            result
+        };
+        let worker = named().spawn(job)?;
+        attend(&wait, None, &Told::default(), &mut Seen::default())?;
+        Ok::<_, PyErr>(worker.join().ok())
+    })?;
+    result.ok_or_else(|| mistake(py))?.map_err(|error| exception(py, &error))
+}
+
+fn named() -> thread::Builder {
+    thread::Builder::new().name("barymap".into()).stack_size(STACK)
+}
+
+/// Waits for the work to end; ends before it with what a signal or the callback raises.
+fn attend(wait: &mpsc::Receiver<()>, progress: Option<&Py<PyAny>>, told: &Told, seen: &mut Seen) -> PyResult<()> {
+    while let Err(RecvTimeoutError::Timeout) = wait.recv_timeout(LOOK) {
+        Python::attach(|py| look(py, progress, told, seen))?;
+    }
+    Ok(())
+}
+
+/// A mistake of the library is an exception like others, not one that `except Exception` passes
+/// over.
+fn mistake(py: Python<'_>) -> PyErr {
+    let remedy = "This is a mistake of barymap: please report it with the input";
+    raised(py, "InternalError", "the work ended early", None, remedy)
 }
 
 /// Lets signals and the callback have their turn.

@@ -2,6 +2,8 @@
 
 import csv
 import json
+import pathlib
+import re
 
 import numpy as np
 import pytest
@@ -177,18 +179,25 @@ def test_the_command_line_carries_the_same_attributes(demo, program, tmp_path):
     assert np.array_equal(np.load(tmp_path / "out.npy"), made.transfer_attributes(values).values, equal_nan=True)
 
 
-def test_four_lines_of_the_readme(demo, monkeypatch):
-    """The block of Python in README.md runs as it stands after `barymap demo`."""
-    import pathlib
-    import re
+ROOT = pathlib.Path(__file__).resolve().parents[3]
 
-    page = pathlib.Path(__file__).resolve().parents[3] / "README.md"
-    block = re.search(r"```python\n(.*?)```", page.read_text(), re.S).group(1)
-    assert len(block.strip().splitlines()) == 4
+
+def blocks(page):
+    """The blocks of Python of a page."""
+    return re.findall(r"```python\n(.*?)```", (ROOT / page).read_text(), re.S)
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/python.md"])
+def test_blocks_of_the_documentation_run(demo, monkeypatch, page):
+    """As they stand, one after the other, after `barymap demo`."""
+    found = blocks(page)
+    assert len(found[0].strip().splitlines()) == 4
     monkeypatch.chdir(demo.parent)
     (demo.parent / "out").symlink_to(demo)
     try:
-        exec(compile(block, "README.md", "exec"), {})
+        names = {}
+        for block in found:
+            exec(compile(block, page, "exec"), names)
         assert barymap.read_image("new.png").shape == (1024, 1024, 4)
     finally:
         (demo.parent / "out").unlink()

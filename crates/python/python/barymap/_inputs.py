@@ -175,7 +175,8 @@ def picture(value: Any, name: str) -> Tuple[npt.NDArray[Any], Callable[[npt.NDAr
         worked = array.astype(kind.newbyteorder("="), copy=False)
         back = lambda a: a
     elif kind.kind == "f":
-        worked = array.astype(np.float32)
+        with np.errstate(over="ignore"):
+            worked = array.astype(np.float32)
         if not np.array_equal(np.isfinite(worked), np.isfinite(array)):
             raise InputError("some values are beyond single precision", name, "Scale them")
         back = lambda a: a.astype(kind)
@@ -185,7 +186,7 @@ def picture(value: Any, name: str) -> Tuple[npt.NDArray[Any], Callable[[npt.NDAr
             what = f"integers of it reach from {low} to {high}"
             raise InputError(what, name, "Give integers of 0 to 65535, or floats")
         worked = array.astype(np.uint16)
-        limit = np.iinfo(kind).max
+        limit = min(np.iinfo(kind).max, 65535)
         back = lambda a: np.minimum(a, limit).astype(kind)
     return np.ascontiguousarray(worked), back
 

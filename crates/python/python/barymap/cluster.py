@@ -27,6 +27,7 @@ import os
 import subprocess
 import sys
 import tempfile
+import time
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence
 
 #: Shards a worker, so that one that is done early takes another; each reads the source once.
@@ -193,7 +194,9 @@ def main(words: Optional[Sequence[str]] = None) -> int:
     cluster = given.scheduler
     if cluster is None:
         cluster = distributed.LocalCluster(n_workers=given.workers, threads_per_worker=1, dashboard_address=None)
+    begun = time.perf_counter()
     with distributed.Client(cluster) as client:
+        workers = len(client.scheduler_info(n_workers=-1)["workers"])
         result = run(
             client,
             [given.command, *given.arguments],
@@ -203,8 +206,12 @@ def main(words: Optional[Sequence[str]] = None) -> int:
             cache=given.cache,
             tell=tell,
         )
+    seconds = time.perf_counter() - begun
     if given.scheduler is None:
         cluster.close()
+    made = sum(item["status"] not in ("failed", "skipped") for item in result.items)
+    each = f": {60 * made / seconds:.1f} targets a minute" if made else ""
+    print(f"{len(result.shards)} shards on {workers} workers in {seconds:.1f} s{each}", flush=True)
     for item in result.items:
         if item["status"] == "failed":
             print(f"{item['name']}: {item.get('error')}", file=sys.stderr)
