@@ -103,7 +103,7 @@ class BARYMAP_OT_shape_keys(Background, bpy.types.Operator):
 
 
 class BARYMAP_OT_coverage(Background, bpy.types.Operator):
-    """How far the map is to be trusted, as a colour attribute of the target: white valid, orange doubtful, red failed"""
+    """How far the map is to be trusted, as a colour attribute of the target: white valid, yellow doubtful, red failed"""
 
     bl_idname, bl_label, job_class = "barymap.coverage", "Coverage", jobs.Coverage
 

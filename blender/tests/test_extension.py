@@ -46,7 +46,8 @@ def program(*words):
 @pytest.fixture(scope="session")
 def demo(tmp_path_factory):
     folder = tmp_path_factory.mktemp("demo")
-    program("demo", "--size", "256", "-o", folder, "--quiet")
+    size = "1024" if "PICTURES" in os.environ else "256"
+    program("demo", "--size", size, "-o", folder, "--quiet")
     return folder
 
 
