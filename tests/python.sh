@@ -30,11 +30,13 @@ rm -rf "$target/wheels"
 "$venv/bin/maturin" build --release --locked --out "$target/wheels" --manifest-path crates/python/Cargo.toml
 "$venv/bin/pip" install --quiet --force-reinstall --no-deps "$target"/wheels/barymap-*.whl
 
+root=$PWD
 echo "tests/python.sh: types"
 (cd crates/python && "$venv/bin/mypy")
+# As a user has it: the installed package, by its mark.
+(cd "$venv" && "$venv/bin/mypy" --strict --config-file= "$root/$tests/typed.py")
 echo "tests/python.sh: tests"
 # From another folder, so that the installed package is what is tested.
-root=$PWD
 cd "$venv"
 BARYMAP_CACHE=$(mktemp -d)
 export BARYMAP_CACHE

@@ -10,7 +10,7 @@ use barymap::progress::Progress;
 use barymap::surface::{AnchorPairs, IdentityMap, PackedImage, PackedPoint, PointMap as Map};
 use barymap::tools::inverse_map::{PreImage, inverse_map};
 use barymap::tools::vertex_map::{VertexMap, vertex_map};
-use numpy::{IntoPyArray, PyArray1, PyReadonlyArray2};
+use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use serde_json::{Value, json};
 
@@ -167,9 +167,10 @@ impl PointMap {
     fn apply<'py>(
         &self,
         py: Python<'py>,
-        faces: Vec<u32>,
+        faces: PyReadonlyArray1<'py, u32>,
         barycentric: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Images<'py>> {
+        let faces: Vec<u32> = faces.as_array().to_vec();
         let points = places("faces", &faces, &barycentric, &self.target.mesh);
         let points = points.map_err(|e| crate::failure::exception(py, &e))?;
         let work = |_: &dyn Progress| {

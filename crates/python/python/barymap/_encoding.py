@@ -44,6 +44,15 @@ class Encoding:
     mesh : Mesh, path, or anything like a trimesh
     handles : (k,) vertices whose places will be given; without them there are only blends
     region : vertices that may move; all without
+
+    >>> import barymap
+    >>> corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    >>> mesh = barymap.Mesh(corners, [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+    >>> encoding = barymap.Encoding(mesh, [0, 1, 2], cache=False, backend="cpu")
+    >>> encoding.deform(mesh.vertices[:3] + [1, 2, 3]).vertices.round(9)[3].tolist()
+    [1.0, 2.0, 4.0]
+    >>> barymap.Encoding(mesh).morph([2 * mesh.vertices], frames=3).shape
+    (3, 4, 3)
     """
 
     def __init__(

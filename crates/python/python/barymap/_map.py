@@ -133,6 +133,16 @@ class Map:
         What it raises stops the work.
 
     Other threads of Python run meanwhile. Ctrl-C ends the work.
+
+    >>> import barymap, numpy as np
+    >>> corners = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    >>> square = barymap.Mesh(corners, [[0, 1, 2], [0, 2, 3]], [[0, 0], [1, 0], [1, 1], [0, 1]])
+    >>> map = barymap.Map(square, square, [[0, 0], [2, 2]], backend="cpu")
+    >>> images = map.apply([1], [[0.25, 0.25, 0.5]])
+    >>> images.faces.tolist(), images.barycentric.tolist(), images.status.tolist()
+    ([1], [[0.25, 0.25, 0.5]], [2])
+    >>> map.vertex_positions().tolist() == square.vertices.tolist()
+    True
     """
 
     def __init__(
@@ -197,7 +207,7 @@ class Map:
         """Images on the source of points of the target: ``faces`` (n,), ``barycentric`` (n, 3)."""
         ids = take.indices(faces, "faces", (None,))
         points = take.floats(barycentric, "barycentric", (len(ids), 3))
-        return Images(*self._map.apply(ids.tolist(), points))
+        return Images(*self._map.apply(ids, points))
 
     def vertices(self) -> Images:
         """Images on the source of the target's vertices, (n,) of them."""
@@ -272,6 +282,14 @@ class Map:
         background : "transparent", or the stored value of texels without colour (0 to 1)
 
         All other arguments are the command line's. The types come back as they were given.
+
+        >>> import barymap, numpy as np
+        >>> corners, uv = [[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 0], [1, 0], [0, 1]]
+        >>> one = barymap.Mesh(corners, [[0, 1, 2]], uv)
+        >>> grey = np.full((4, 4), 7, np.uint8)
+        >>> made = barymap.Map(one, one, [[0, 0]], backend="cpu").transfer(grey, size=8, background=0)
+        >>> made.image.shape, made.image.dtype, int(made.image.max()), made.coverage.shape
+        ((8, 8), dtype('uint8'), 7, (8, 8))
         """
         width, height = take.size(size)
         layers, named, backs = _layers(images, kind)
@@ -312,6 +330,11 @@ class Map:
             turn as the surface does.
         top : how many weights of a vertex are kept, the largest ones; 0 for all
         fill : {"smooth", "none"}, what vertices get that the map does not vouch for
+
+        >>> import barymap
+        >>> one = barymap.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+        >>> barymap.Map(one, one, [[0, 0]], backend="cpu").transfer_attributes([5, 6, 7]).values.tolist()
+        [5.0, 6.0, 7.0]
         """
         array = np.asarray(values)
         flat = array.ndim == 1

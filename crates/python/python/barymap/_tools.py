@@ -163,6 +163,12 @@ def unwrap(
     chart_angle : largest angle between a face and the mean of its chart, in degrees
 
     ``report`` of the result tells of charts and distortion.
+
+    >>> import barymap
+    >>> corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    >>> mesh = barymap.unwrap(barymap.Mesh(corners, [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]), size=256)
+    >>> mesh.uv.shape, mesh.report["overlapping_faces"]
+    ((4, 3, 2), [])
     """
     made, report = _barymap.unwrap(
         mesh_of(mesh, "mesh")._shape,
