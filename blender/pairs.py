@@ -4,7 +4,7 @@ import json
 
 import bpy
 import numpy as np
-from mathutils import Vector
+from mathutils import Matrix, Vector
 
 from .arrays import Refused
 
@@ -49,32 +49,45 @@ def place(context, obj, side, point, number=None, ghost=False):
         empty.show_name = empty.show_in_front = True
     extent = max(obj.dimensions) or 1.0
     empty.empty_display_size = 0.012 * extent
-    # It goes where its object goes; the display does not take the object's scale.
+    at, corners = on_surface(obj, Vector(point))
+    # It goes where the surface goes, also under bones and shape keys.
     empty.parent = obj
-    empty.matrix_parent_inverse = obj.matrix_world.inverted()
-    empty.location = on_surface(obj, Vector(point))
+    empty.parent_type = "VERTEX_3" if corners else "OBJECT"
+    if corners:
+        empty.parent_vertices = corners
+    empty.matrix_parent_inverse.identity()
+    empty.location = empty.rotation_euler = (0, 0, 0)
+    empty.scale = (1, 1, 1)
+    context.view_layer.update()
+    # The frame of its parent, as Blender sees it, without the object's scale from here on.
+    frame = empty.matrix_world.copy()
+    empty.matrix_parent_inverse = frame.inverted() @ Matrix.Translation(at)
     return empty
 
 
 def on_surface(obj, point):
     """The point of the object's surface, with its modifiers, that is closest to a place of the
-    world."""
+    world, and three vertices of the face that it lies on; none where modifiers change the
+    vertices."""
     bpy.context.view_layer.update()
     seen = obj.evaluated_get(bpy.context.evaluated_depsgraph_get())
     matrix = seen.matrix_world
-    found, at, _, _ = seen.closest_point_on_mesh(matrix.inverted() @ point)
-    return matrix @ at if found else point
+    found, at, _, face = seen.closest_point_on_mesh(matrix.inverted() @ point)
+    if not found:
+        return point, None
+    same = len(seen.data.vertices) == len(obj.data.vertices) and len(seen.data.polygons) == len(obj.data.polygons)
+    corners = list(obj.data.polygons[face].vertices)[:3] if same and 0 <= face < len(obj.data.polygons) else None
+    return matrix @ at, corners
 
 
 def snap(context):
     """Moves all points back onto their surfaces; returns how many."""
     context.view_layer.update()
     count = 0
-    for pair in empties().values():
-        for empty in pair.values():
+    for number, pair in empties().items():
+        for side, empty in pair.items():
             if empty.parent is not None:
-                at = empty.matrix_world.translation.copy()
-                empty.matrix_world.translation = on_surface(empty.parent, at)
+                place(context, empty.parent, side, empty.matrix_world.translation.copy(), number)
                 count += 1
     return count
 

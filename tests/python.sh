@@ -42,4 +42,15 @@ BARYMAP_CACHE=$(mktemp -d)
 export BARYMAP_CACHE
 trap 'rm -rf "$BARYMAP_CACHE"' EXIT
 "$venv/bin/python" -m pytest -q -p no:cacheprovider --doctest-modules --pyargs barymap "$root/$tests" "$@"
+
+echo "tests/python.sh: the four lines of README.md in an environment with nothing else"
+rm -rf "$target/fresh"
+"$python" -m venv "$target/fresh"
+"$target/fresh/bin/pip" install --quiet "$target"/wheels/barymap-*.whl
+cd "$target/fresh"
+./bin/python -m barymap demo --size 256 --quiet
+awk '/^```python$/ { on = 1; next } /^```$/ { on = 0 } on' "$root/README.md" >lines.py
+test "$(wc -l <lines.py)" = 4
+./bin/python lines.py
+test -s new.png
 ls -l "$target"/wheels/*.whl

@@ -210,11 +210,19 @@ def test_pairs_stick_mirror_and_are_read(scene, tmp_path):
     target.location.x += 3
     bpy.context.view_layer.update()
     assert abs((first["target"].matrix_world.translation - before).x - 3) < 1e-5, "it goes with its object"
+    # And where the surface goes.
+    at = first["source"].matrix_world.translation.copy()
+    source.data.shape_keys.key_blocks["long arms"].value = 1
+    bpy.context.view_layer.update()
+    gone = first["source"].matrix_world.translation
+    assert abs(gone.x - 1.3 * at.x) < 0.02 and abs(gone.x - at.x) > 0.01
+    assert (pairs.on_surface(source, gone)[0] - gone).length < 0.02
+    source.data.shape_keys.key_blocks["long arms"].value = 0
     first["target"].location.z += 0.3
     assert bpy.ops.barymap.snap() == {"FINISHED"}
     bpy.context.view_layer.update()
     at = first["target"].matrix_world.translation
-    assert (pairs.on_surface(target, at) - at).length < 1e-5
+    assert (pairs.on_surface(target, at)[0] - at).length < 1e-5
     assert bpy.ops.barymap.mirror() == {"FINISHED"}
     count = len(pairs.complete())
     assert COUNT < count <= 2 * COUNT
@@ -235,7 +243,7 @@ def test_clicks_and_groups_set_pairs(scene):
     for obj, side in ((source, "source"), (target, "target")):
         middle = obj.matrix_world @ (sum((Vector(c) for c in obj.bound_box), Vector()) / 8)
         hit = operators.under(obj, middle + Vector((0, 0, 10)), Vector((0, 0, -1)))
-        assert hit is not None and (pairs.on_surface(obj, hit) - hit).length < 1e-4
+        assert hit is not None and (pairs.on_surface(obj, hit)[0] - hit).length < 1e-4
         assert operators.under(obj, middle + Vector((50, 0, 10)), Vector((0, 0, -1))) is None
         pairs.place(bpy.context, obj, side, hit)
     assert pairs.complete() == [0] and pairs.next_number("source") == 1
