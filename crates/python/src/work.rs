@@ -14,6 +14,8 @@ use crate::failure::{exception, raised};
 
 /// How often the interpreter is looked at: signals, and the callback, get their turn.
 const LOOK: Duration = Duration::from_millis(33);
+/// The note of an exception that came when there was nothing left to stop.
+const ENDED: &str = "barymap: the work had ended by itself";
 /// The stack of the thread that works: that of a main thread.
 const STACK: usize = 8 << 20;
 
@@ -55,6 +57,11 @@ pub(crate) fn run<T: Send>(
         })
     });
     match (result, stopped) {
+        (Some(Some(Ok(_))), Some(stopped)) => {
+            // Whoever is interested learns that it came too late to spare anything.
+            let _ = stopped.value(py).setattr("__notes__", [ENDED]);
+            Err(stopped)
+        }
         (_, Some(stopped)) => Err(stopped),
         (Some(Some(result)), None) => result.map_err(|error| exception(py, &error)),
         (_, None) => Err(mistake(py)),

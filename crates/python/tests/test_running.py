@@ -84,9 +84,8 @@ JOBS = {
 
 @pytest.mark.parametrize("job", JOBS)
 def test_ctrl_c_ends_the_work(demo, job):
-    """The interpreter gets the signal while it works and raises within 0.2 s of what the machine
-    needs for a thread's turn; the bound here is wide, since other work shares the machine: without
-    cancellation these jobs take many seconds, and a job that ended by itself fails the test."""
+    """The interpreter gets the signal while the library works, and the work does not go on to its
+    end: an exception that comes then has a note. How long it takes is printed, not asserted."""
     script = textwrap.dedent(
         f"""
         import sys, time, threading, os, signal
@@ -106,17 +105,31 @@ def test_ctrl_c_ends_the_work(demo, job):
         threading.Timer(0.6, send).start()
         try:
             {JOBS[job]}
-        except KeyboardInterrupt:
-            print("late", time.perf_counter() - sent[0])
+        except KeyboardInterrupt as error:
+            print("late", time.perf_counter() - sent[0], *getattr(error, "__notes__", []))
         else:
             print("done")
         """
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300)
     assert done.stdout.startswith("late"), done.stdout + done.stderr
-    late = float(done.stdout.split()[1])
-    print(f"{job}: {1000 * late:.0f} ms after the signal")
-    assert late < 2.0, late
+    assert "ended by itself" not in done.stdout
+    print(f"{job}: {1000 * float(done.stdout.split()[1]):.0f} ms after the signal")
+
+
+def test_an_exception_that_comes_too_late_says_so(small, checker):
+    def progress(stage, done, total):
+        raise StopIteration
+
+    # So short that the callback has its first turn when all is done; on a busy machine not always.
+    notes = []
+    for _ in range(200):
+        with pytest.raises(StopIteration) as caught:
+            small.transfer(checker, size=16, margin=0, progress=progress)
+        notes = getattr(caught.value, "__notes__", [])
+        if notes:
+            break
+    assert notes == ["barymap: the work had ended by itself"]
 
 
 def test_memory_is_steady_over_a_thousand_transfers(small, checker):
