@@ -2,7 +2,7 @@
 
 use barymap::progress::Progress;
 use barymap::surface::AnchorPairs;
-use barymap::tools::anchors::{AnchorOptions, contradicted, propose, suggest};
+use barymap::tools::anchors::{AnchorOptions, Contradictions, contradicted, propose, suggest};
 use barymap::tools::morph::compatible_mesh;
 use barymap::{Error, Result};
 use numpy::PyArray2;
@@ -55,10 +55,11 @@ pub(crate) fn anchors<'py>(
         notes.extend(told);
         let (b, told) = target.embedded(&options, &common, progress)?;
         notes.extend(told);
-        let mut outliers = Vec::new();
+        let mut said = Contradictions::default();
         if !seeds.is_empty() {
-            outliers = contradicted(a.shape(), b.shape(), &seeds)?;
+            said = contradicted(a.shape(), b.shape(), &seeds)?;
         }
+        let Contradictions { outliers, at_odds, too_few } = said;
         if wanted.drop_outliers {
             seeds = without(&seeds, &outliers.iter().map(|o| o.index).collect::<Vec<_>>());
         }
@@ -71,6 +72,8 @@ pub(crate) fn anchors<'py>(
         let pairs = proposal.as_ref().map_or_else(|| seeds.clone(), |p| p.anchors());
         let mut report = json!({
             "outliers": outliers.iter().map(|o| json!({"pair": o.index, "off": o.off})).collect::<Vec<_>>(),
+            "at_odds": at_odds,
+            "too_few": too_few,
         });
         if let Some(p) = &proposal {
             notes.extend(p.notes.iter().cloned());

@@ -219,7 +219,8 @@ def anchors(
     """Pairs of anchors proposed from a few or none, wrong ones named, the next ones suggested.
 
     anchors : pairs that are known, as :class:`Map` takes them
-    check : only look at the given pairs: ``report["outliers"]``
+    check : only look at the given pairs: ``report["outliers"]``, ``"at_odds"`` (a number where most
+        are wrong, so that none can be named) and ``"too_few"`` (to tell)
     suggest : this many places of the target where a pair would help most: ``report["suggestions"]``
     """
     wanted = {
