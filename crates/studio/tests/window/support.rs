@@ -1,0 +1,113 @@
+//! A studio in a window without a display.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use barymap::geometry::{Material, SurfacePoint};
+use barymap::models::{ModelPair, character_pair};
+use barymap_studio::model::Side;
+use barymap_studio::view::{Setup, Studio};
+use egui_kittest::Harness;
+use tempfile::TempDir;
+
+/// A test that waits longer than this has failed: no result depends on it.
+const PATIENCE: Duration = Duration::from_secs(300);
+
+/// A studio and its folder.
+pub(crate) struct Window {
+    pub(crate) harness: Harness<'static, Studio>,
+    pub(crate) folder: TempDir,
+}
+
+impl Window {
+    pub(crate) fn new(files: &[PathBuf]) -> Self {
+        Self::in_folder(tempfile::tempdir().unwrap(), files)
+    }
+
+    pub(crate) fn in_folder(folder: TempDir, files: &[PathBuf]) -> Self {
+        let setup = Setup {
+            files: files.to_vec(),
+            program: Some(env!("CARGO_BIN_EXE_barymap-studio").into()),
+            folder: Some(folder.path().join("studio")),
+        };
+        let harness = Harness::builder()
+            .with_size([1280.0, 800.0])
+            .wgpu_setup(barymap_studio::start::wgpu_setup())
+            .build_eframe(move |cc| Studio::new(cc, setup).unwrap());
+        Self { harness, folder }
+    }
+
+    pub(crate) fn studio(&self) -> &Studio {
+        self.harness.state()
+    }
+
+    /// Runs frames until something is so.
+    pub(crate) fn until(&mut self, what: &str, mut so: impl FnMut(&Studio) -> bool) {
+        let begun = Instant::now();
+        while !so(self.harness.state()) {
+            let told = || self.harness.state().messages().list().map(|m| m.1.clone()).collect::<Vec<_>>();
+            assert!(begun.elapsed() < PATIENCE, "waited in vain for {what}; messages: {:?}", told());
+            self.harness.run_steps(1);
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        self.harness.run_steps(1);
+    }
+
+    pub(crate) fn until_opened(&mut self) {
+        self.until("both meshes", |s| Side::BOTH.into_iter().all(|side| s.transfer().shape(side).is_some()));
+    }
+
+    /// A click of the left button.
+    pub(crate) fn click(&mut self, at: egui::Pos2) {
+        self.harness.hover_at(at);
+        self.harness.run_steps(1);
+        self.harness.drag_at(at);
+        self.harness.run_steps(1);
+        self.harness.drop_at(at);
+        self.harness.run_steps(2);
+    }
+
+    /// Presses a key.
+    pub(crate) fn key(&mut self, modifiers: egui::Modifiers, key: egui::Key) {
+        self.harness.key_press_modifiers(modifiers, key);
+        self.harness.run_steps(2);
+    }
+
+    /// Turns a side so that a point faces the eye, and clicks at the nearest pixel.
+    pub(crate) fn click_point(&mut self, side: Side, point: &SurfacePoint) {
+        let normal = self.studio().transfer().shape(side).unwrap().mesh.triangle_area_normal(point.face as usize);
+        self.harness.state_mut().transfer_mut().camera_mut(side).face(normal);
+        self.harness.run_steps(1);
+        assert!(self.studio().transfer().sees(side, point), "{point:?} is hidden");
+        let at = self.studio().transfer().place(side, point).unwrap();
+        self.click(egui::Pos2::new(at.x.floor() + 0.5, at.y.floor() + 0.5));
+    }
+
+    /// Drops a file onto the window.
+    pub(crate) fn drop_file(&mut self, path: &Path) {
+        let file = egui::DroppedFile { path: Some(path.to_path_buf()), ..Default::default() };
+        self.harness.input_mut().dropped_files.push(file);
+        self.harness.run_steps(2);
+    }
+
+    /// Saves a picture of the window where `STUDIO_PICTURES` names a folder, to be looked at.
+    pub(crate) fn picture(&mut self, name: &str) {
+        if let Some(folder) = std::env::var_os("STUDIO_PICTURES") {
+            let path = PathBuf::from(folder).join(format!("{name}.png"));
+            self.harness.render().unwrap().save(path).unwrap();
+        }
+    }
+}
+
+/// The built-in characters as files: source with a texture, and target.
+pub(crate) fn built_in(folder: &Path) -> (ModelPair, [PathBuf; 2]) {
+    let pair = character_pair();
+    let files = ["source.obj", "target.obj"].map(|n| folder.join(n));
+    let texture = folder.join("skin.png");
+    barymap::io::write_image(&pair.source.texture(512), &texture).unwrap();
+    let mut painted = pair.source.mesh.clone();
+    painted.set_material(Material { name: "skin".into(), base_color_texture: Some(texture), ..Material::default() });
+    barymap::io::write_obj(&painted, &files[0]).unwrap();
+    barymap::io::write_obj(&pair.target.mesh, &files[1]).unwrap();
+    (pair, files)
+}
