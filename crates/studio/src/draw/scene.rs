@@ -99,13 +99,7 @@ impl Scene {
         }
     }
 
-    pub(super) fn set_picture(
-        &mut self,
-        state: &RenderState,
-        pipelines: &Pipelines,
-        picture: &Rgba,
-        over: &Rgba,
-    ) {
+    pub(super) fn set_picture(&mut self, state: &RenderState, pipelines: &Pipelines, picture: &Rgba, over: &Rgba) {
         self.drawn = None;
         if let Some(given) = &self.given
             && [given.picture.width(), given.picture.height()] == [picture.width, picture.height]

@@ -1,8 +1,8 @@
 //! What the studio has and does, without a window.
 
 pub mod bvh;
-pub mod camera;
 pub mod cage;
+pub mod camera;
 pub mod color;
 pub mod command;
 pub mod document;

@@ -272,8 +272,7 @@ mod tests {
         let p = |x: f64| SurfacePoint::new(7, [x, 0.5, 0.5 - x]);
         d.transfer.pairs.add(p(0.1), p(1.0 / 3.0), "nose".into());
         d.transfer.pairs.click(Side::Target, p(0.2));
-        d.transfer.options =
-            Options { method: Method::Rbf, size: 512, margin: 4, fill: Fill::Smooth, unwrap: true };
+        d.transfer.options = Options { method: Method::Rbf, size: 512, margin: 4, fill: Fill::Smooth, unwrap: true };
         d.warp.picture = Some(folder.join("p.png"));
         d.warp.rectangle([64.0, 48.0], 1);
         d

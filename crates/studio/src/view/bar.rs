@@ -17,7 +17,8 @@ impl Studio {
                 ui.selectable_value(&mut self.workspace, Workspace::Warp, "Warp")
                     .on_hover_text("A picture in a cage. Ctrl 2");
                 ui.separator();
-                if ui.add_enabled(self.history.can_undo(), egui::Button::new("Undo")).on_hover_text("Ctrl Z").clicked() {
+                if ui.add_enabled(self.history.can_undo(), egui::Button::new("Undo")).on_hover_text("Ctrl Z").clicked()
+                {
                     self.undo();
                 }
                 if ui
@@ -28,7 +29,7 @@ impl Studio {
                     self.redo();
                 }
                 ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                    egui::widgets::global_theme_preference_switch(ui);
+                    egui::widgets::global_theme_preference_buttons(ui);
                     let name = self.project.as_ref().and_then(|p| p.file_name());
                     let name = name.map_or("not saved yet".into(), |n| n.to_string_lossy().into_owned());
                     ui.weak(if self.is_changed() { format!("{name} *") } else { name });
@@ -43,7 +44,8 @@ impl Studio {
                     if ui.button("Cancel").on_hover_text("Ends what goes on in the background").clicked() {
                         self.worker.send(Request::Cancel);
                     }
-                    let part = if *total > 0 { format!(" {} %", 100 * (*done).min(*total) / total) } else { String::new() };
+                    let part =
+                        if *total > 0 { format!(" {} %", 100 * (*done).min(*total) / total) } else { String::new() };
                     ui.label(format!("{what}{part}"));
                     ui.separator();
                 }
@@ -150,7 +152,7 @@ impl Studio {
             return;
         }
         let mut answer = None;
-        egui::Modal::new("close".into()).show(ctx, |ui| {
+        egui::Modal::new(egui::Id::unique("close")).show(ctx, |ui| {
             ui.heading("Close without saving?");
             ui.horizontal(|ui| {
                 if ui.button("Save").clicked() {

@@ -123,7 +123,8 @@ impl Studio {
         };
         let words = command::transfer(&self.history.now().transfer, &outputs);
         let count = self.history.now().transfer.pairs.complete().len();
-        let ready = words.is_some() && count >= 1 && !self.exports.is_running() && !self.exports.model.trim().is_empty();
+        let ready =
+            words.is_some() && count >= 1 && !self.exports.is_running() && !self.exports.model.trim().is_empty();
         ui.horizontal(|ui| {
             let button = egui::Button::new("Export");
             let hint = "Writes the target with its new texture, and the pairs beside it. Ctrl E";
@@ -195,7 +196,8 @@ impl Studio {
 
     /// Writes the pairs as the command line reads them.
     fn write_pairs(&self, path: &Path) -> barymap::Result<()> {
-        let (Some(source), Some(target)) = (self.transfer.shape(Side::Source), self.transfer.shape(Side::Target)) else {
+        let (Some(source), Some(target)) = (self.transfer.shape(Side::Source), self.transfer.shape(Side::Target))
+        else {
             return Err(barymap::Error::input("a mesh is missing", "Open two meshes"));
         };
         let pairs = self.history.now().transfer.pairs.complete();
@@ -208,7 +210,7 @@ impl Studio {
     pub(super) fn overwriting(&mut self, ui: &egui::Ui) {
         let Some(waiting) = self.exports.asking.clone() else { return };
         let mut answer = None;
-        egui::Modal::new("replace".into()).show(ui.ctx(), |ui| {
+        egui::Modal::new(egui::Id::unique("replace")).show(ui.ctx(), |ui| {
             ui.heading("Replace files?");
             for path in &waiting.taken {
                 ui.label(path.display().to_string());
@@ -242,7 +244,9 @@ impl Studio {
                 self.messages.tell(Weight::Done, format!("written: {name}"));
             }
             Ended::Failed(said) => self.messages.tell(Weight::Failed, said),
-            Ended::Cancelled => self.messages.tell(Weight::Note, format!("{name} is not written: the export was ended")),
+            Ended::Cancelled => {
+                self.messages.tell(Weight::Note, format!("{name} is not written: the export was ended"))
+            }
         }
     }
 }

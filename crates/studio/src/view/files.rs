@@ -51,9 +51,8 @@ impl Studio {
                 Workspace::Warp => self.open_picture(path),
             }
         } else {
-            let empty = |s: &Side| {
-                self.transfer.opening[s.index()].is_none() && self.history.now().transfer.file(*s).is_none()
-            };
+            let empty =
+                |s: &Side| self.transfer.opening[s.index()].is_none() && self.history.now().transfer.file(*s).is_none();
             let side = side.or_else(|| Side::BOTH.into_iter().find(empty)).unwrap_or(Side::Target);
             self.open_mesh(side, path);
         }
@@ -179,14 +178,19 @@ impl Studio {
     /// Writes the built-in characters as files and opens them.
     pub(super) fn open_built_in(&mut self) {
         let Some(folder) = self.folder.as_ref().map(|f| f.join("built-in")) else {
-            self.messages.tell(Weight::Failed, "There is no folder for the built-in models: run `barymap demo` and open its files");
+            self.messages.tell(
+                Weight::Failed,
+                "There is no folder for the built-in models: run `barymap demo` and open its files",
+            );
             return;
         };
         let (sender, ctx) = (self.dialogs.sender.clone(), self.ctx.clone());
         std::thread::spawn(move || {
             // A window that is gone wants no files.
             match write_built_in(&folder) {
-                Ok(files) => Side::BOTH.into_iter().zip(files).for_each(|(s, f)| _ = sender.send(Ok((Purpose::Mesh(s), f)))),
+                Ok(files) => {
+                    Side::BOTH.into_iter().zip(files).for_each(|(s, f)| _ = sender.send(Ok((Purpose::Mesh(s), f))))
+                }
                 Err(error) => _ = sender.send(Err(error.to_string())),
             }
             ctx.request_repaint();
@@ -198,9 +202,8 @@ impl Studio {
         let files = ui.input(|i| i.raw.dropped_files.clone());
         let at = ui.input(|i| i.pointer.latest_pos());
         for file in files {
-            let Some(path) = file.path else { continue };
-            let side = at.and_then(|at| self.transfer.side_at(at)).filter(|_| !is_picture(&path));
-            self.open_any(&path, side);
+            let side = at.and_then(|at| self.transfer.side_at(at)).filter(|_| !is_picture(file.path()));
+            self.open_any(file.path(), side);
         }
     }
 

@@ -51,7 +51,6 @@ pub struct Setup {
 }
 
 /// The studio.
-#[derive(Debug)]
 pub struct Studio {
     state: RenderState,
     ctx: egui::Context,
@@ -78,6 +77,12 @@ pub struct Studio {
     closing: bool,
     /// Whether the window asks before it closes.
     asking: bool,
+}
+
+impl std::fmt::Debug for Studio {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Studio").field("project", &self.project).field("busy", &self.busy).finish_non_exhaustive()
+    }
 }
 
 impl Studio {

@@ -40,6 +40,7 @@ impl Studio {
             ui.checkbox(&mut view.labels, "Numbers");
             ui.checkbox(&mut view.linked, "Turn together").on_hover_text("L: both shapes turn with one another");
         });
+        let mut frame = false;
         ui.horizontal(|ui| {
             ui.label("Up:");
             for side in Side::BOTH {
@@ -50,10 +51,11 @@ impl Studio {
                     camera.up = if z { barymap::geometry::UpAxis::Y } else { barymap::geometry::UpAxis::Z };
                 }
             }
-            if ui.button("Frame").on_hover_text("F: shows the whole of both").clicked() {
-                self.frame_shapes();
-            }
+            frame = ui.button("Frame").on_hover_text("F: shows the whole of both").clicked();
         });
+        if frame {
+            self.frame_shapes();
+        }
     }
 
     pub(super) fn how(&mut self, ui: &mut egui::Ui) {

@@ -113,7 +113,9 @@ impl Studio {
                 }
                 let field = egui::TextEdit::singleline(&mut name).desired_width(86.0).hint_text("name");
                 let field = ui.add(field);
-                field.widget_info(|| egui::WidgetInfo::labeled(egui::Role::TextInput, true, format!("name of pair {}", k + 1)));
+                field.widget_info(|| {
+                    egui::WidgetInfo::labeled(egui::Role::TextInput, true, format!("name of pair {}", k + 1))
+                });
                 if field.changed() {
                     renamed = Some((id, name));
                 }
@@ -133,7 +135,9 @@ impl Studio {
                     ui.label(RichText::new("wrong?").color(Color32::from_rgb(235, 60, 60))).on_hover_text(hint);
                 }
                 let delete = ui.small_button("x").on_hover_text("Delete this pair");
-                delete.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, format!("delete pair {}", k + 1)));
+                delete.widget_info(|| {
+                    egui::WidgetInfo::labeled(egui::Role::Button, true, format!("delete pair {}", k + 1))
+                });
                 if delete.clicked() {
                     removed = Some(id);
                 }

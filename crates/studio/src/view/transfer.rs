@@ -300,7 +300,7 @@ impl Studio {
     fn viewport(&mut self, ui: &mut egui::Ui, side: Side, rect: Rect) {
         let k = side.index();
         self.transfer.rects[k] = rect;
-        let response = ui.interact(rect, ui.id().with(("viewport", k)), Sense::click_and_drag());
+        let response = ui.interact(rect, ui.scope_id().with(("viewport", k)), Sense::click_and_drag());
         response.widget_info(|| egui::WidgetInfo::labeled(Role::Canvas, true, format!("{} view", side.word())));
         let painter = ui.painter_at(rect);
         let dark = ui.visuals().dark_mode;

@@ -1,7 +1,6 @@
 //! The warp workspace: a picture, and the cage around it.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use egui::{Align2, Color32, FontId, Key, Modifiers, PointerButton, Pos2, Rect, Role, Sense, Stroke, Vec2};
 use glam::DVec2;
@@ -204,7 +203,7 @@ impl Studio {
             let [w, h] = size.map(|s| s as f32);
             let scale = ROOM * (whole.width() / w).min(whole.height() / h);
             self.warp.rect = Rect::from_center_size(whole.center(), Vec2::new(w, h) * scale);
-            let response = ui.interact(whole, ui.id().with("cage"), Sense::click_and_drag());
+            let response = ui.interact(whole, ui.scope_id().with("cage"), Sense::click_and_drag());
             response.widget_info(|| egui::WidgetInfo::labeled(Role::Canvas, true, "picture and cage"));
             self.warp_mouse(&response);
             self.paint_warp(&ui.painter_at(whole), &response);
@@ -275,7 +274,9 @@ impl Studio {
         let uv = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
         let (shown, drawn) = match view.stage {
             Stage::Draw => (&view.original, &view.original),
-            Stage::Drag => (if view.show_heat && view.heat.is_some() { &view.heat } else { &view.warped }, &view.original),
+            Stage::Drag => {
+                (if view.show_heat && view.heat.is_some() { &view.heat } else { &view.warped }, &view.original)
+            }
         };
         if let Some(picture) = shown.as_ref().or(drawn.as_ref()) {
             // The heat map has its scale on the right.
@@ -312,8 +313,12 @@ impl Studio {
         let ink = if dark { Color32::from_gray(220) } else { Color32::from_gray(40) };
         let hint = match (view.stage, self.history.now().warp.loops.is_empty()) {
             (_, true) => "Make a cage: a rectangle, on the right",
-            (Stage::Draw, _) => "The cage on the picture: drag vertices, double-click an edge for a new one, Delete removes one",
-            (Stage::Drag, _) => "Drag vertices or edges to where they go; Shift and click selects several; double-click an edge for a new vertex",
+            (Stage::Draw, _) => {
+                "The cage on the picture: drag vertices, double-click an edge for a new one, Delete removes one"
+            }
+            (Stage::Drag, _) => {
+                "Drag vertices or edges to where they go; Shift and click selects several; double-click an edge for a new vertex"
+            }
         };
         let at = painter.clip_rect().center_bottom() - Vec2::new(0.0, 8.0);
         painter.text(at, Align2::CENTER_BOTTOM, hint, FontId::proportional(13.0), ink);
@@ -356,7 +361,8 @@ impl Studio {
                 let corners = [[-r, -r], [-r, r], [r, r], [r, -r]].map(|d| c + DVec2::from(d));
                 self.history.edit(|d| d.warp.add_loop(corners.to_vec()));
             }
-            if ui.button("Back to rest").on_hover_text("Every vertex goes back to where it is on the picture").clicked() {
+            if ui.button("Back to rest").on_hover_text("Every vertex goes back to where it is on the picture").clicked()
+            {
                 self.history.edit(|d| d.warp.reset());
             }
         });

@@ -1,8 +1,8 @@
 //! The worker's outer loop: files, textures, embeddings. It owns what the inner one borrows.
 
 use std::path::Path;
-use std::sync::mpsc::Receiver;
 use std::sync::Arc;
+use std::sync::mpsc::Receiver;
 
 use barymap::desk::{Subject, Textures, own_textures, textures};
 use barymap::geometry::up_axis::stands_along_z;
@@ -179,13 +179,17 @@ fn texture(owned: &mut Owned, out: &Out, path: Option<&Path>) -> Result<()> {
     let reporter = Reporter::new(out, "reading the texture");
     let tell = |text: &str| out.send(Report::Note(text.to_owned()));
     let mesh = &subject.mesh;
-    let read = out.run(Class::Base, || true, || match path {
-        Some(path) => {
-            let name = path.to_string_lossy().into_owned();
-            textures(&[name], false, mesh, &tell).map(|mut t| t.swap_remove(0))
-        }
-        None => own_textures(mesh),
-    });
+    let read = out.run(
+        Class::Base,
+        || true,
+        || match path {
+            Some(path) => {
+                let name = path.to_string_lossy().into_owned();
+                textures(&[name], false, mesh, &tell).map(|mut t| t.swap_remove(0))
+            }
+            None => own_textures(mesh),
+        },
+    );
     drop(reporter);
     owned.textures = match read {
         Ok(read) if read.needs_texcoords() && !mesh.has_texcoords() => {
@@ -217,7 +221,8 @@ fn by_place(mesh: &Mesh) -> Textures {
     };
     let vertices = Some(mesh.positions.iter().map(color).collect());
     let material_texture = vec![0; mesh.materials.len()];
-    Textures { images: Vec::new(), vertices, material_texture, ..Textures::single(Image::default()) }
+    let none = Image { width: 0, height: 0, channels: 4, pixels: Pixels::U8(Vec::new()) };
+    Textures { images: Vec::new(), vertices, material_texture, ..Textures::single(none) }
 }
 
 /// Sends a shape as it is to be drawn.
@@ -260,7 +265,10 @@ fn halved(p: &Rgba) -> Rgba {
     for y in 0..height {
         for x in 0..width {
             for c in 0..4 {
-                let sum = at(2 * x, 2 * y, c) + at(2 * x + 1, 2 * y, c) + at(2 * x, 2 * y + 1, c) + at(2 * x + 1, 2 * y + 1, c);
+                let sum = at(2 * x, 2 * y, c)
+                    + at(2 * x + 1, 2 * y, c)
+                    + at(2 * x, 2 * y + 1, c)
+                    + at(2 * x + 1, 2 * y + 1, c);
                 bytes.push((sum / 4) as u8);
             }
         }
@@ -279,9 +287,8 @@ fn fold(owned: &mut Owned, out: &Out, wanted: bool) -> Result<()> {
     } else {
         let reporter = Reporter::new(out, "making texture coordinates for the target");
         // As `barymap transfer --unwrap` with the default size and margin.
-        let made = out.run(Class::Base, || true, || {
-            unwrap(&subject.mesh, &subject.topology, &UnwrapOptions::default())
-        })?;
+        let made =
+            out.run(Class::Base, || true, || unwrap(&subject.mesh, &subject.topology, &UnwrapOptions::default()))?;
         drop(reporter);
         owned.folded = Some(std::mem::replace(&mut subject.mesh, made.mesh));
     }

@@ -363,9 +363,11 @@ impl<'a> Live<'a> {
             Task::Propose(count) => {
                 let reporter = Reporter::new(out, "proposing pairs");
                 let options = AnchorOptions { count, ..AnchorOptions::default() };
-                let made = out.run(Class::Asked, || true, || {
-                    propose(source, target, &list, &options, &reporter as &dyn Progress)
-                })?;
+                let made = out.run(
+                    Class::Asked,
+                    || true,
+                    || propose(source, target, &list, &options, &reporter as &dyn Progress),
+                )?;
                 let proposed = made.pairs.into_iter().skip(made.given);
                 let proposed = proposed.map(|p| Proposed { source: p.source, target: p.target, flagged: p.flagged });
                 out.send(Report::Proposed(proposed.collect(), made.notes));

@@ -64,7 +64,13 @@ impl<'a> Mapper<'a> {
     }
 
     /// Goes from pairs to others.
-    pub(crate) fn follow(&mut self, owned: &'a Owned, before: &PairList, now: &PairList, method: Method) -> Result<Moved> {
+    pub(crate) fn follow(
+        &mut self,
+        owned: &'a Owned,
+        before: &PairList,
+        now: &PairList,
+        method: Method,
+    ) -> Result<Moved> {
         match self {
             Self::Session(session) => {
                 let edits = edits(before, now);
@@ -87,10 +93,7 @@ impl<'a> Mapper<'a> {
 
     /// Errors of pairs left out, if the method knows them.
     pub(crate) fn left_out(&self) -> &[f64] {
-        match self {
-            Self::Session(session) => &session.field().report().left_out,
-            Self::Whole(map) => map.field().map_or(&[], |report| &report.left_out),
-        }
+        self.map().field().map_or(&[], |report| &report.left_out)
     }
 }
 
@@ -147,8 +150,9 @@ mod tests {
     fn edits_lead_from_any_list_to_any_other() {
         let mut random = Random::new(5);
         let point = |x: u64| SurfacePoint::new(x as u32 % 50, [1.0, 0.0, 0.0]);
-        let mut list = |random: &mut Random| -> PairList {
-            (0..12).filter(|_| random.unit() < 0.6).map(|id| (id, point(random.bits() % 3), point(id))).collect()
+        let list = |random: &mut Random| -> PairList {
+            let drawn = (0..12).map(|id| (random.unit() < 0.6, (id, point(random.bits() % 3), point(id))));
+            drawn.filter(|d| d.0).map(|d| d.1).collect()
         };
         let plain = |list: &PairList| list.iter().map(|p| (p.1, p.2)).collect::<Vec<_>>();
         for _ in 0..300 {

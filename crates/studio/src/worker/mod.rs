@@ -18,7 +18,8 @@ use barymap::Result;
 use barymap::control::Control;
 
 pub use message::{
-    Confidence, Drawn, GuessFrom, LeftOut, OpenedShape, PairList, PlainPairs, Proposed, Report, Request, Rgba, Shown, Suggested,
+    Confidence, Drawn, GuessFrom, LeftOut, OpenedShape, PairList, PlainPairs, Proposed, Report, Request, Rgba, Shown,
+    Suggested,
 };
 pub use soup::{Corner, Part, Soup};
 
@@ -71,7 +72,12 @@ impl Out {
 
     /// Runs work under a control that the window can cancel. `still` is asked once the window can:
     /// whether nothing came in between.
-    pub(crate) fn run<T>(&self, class: Class, still: impl FnOnce() -> bool, work: impl FnOnce() -> Result<T>) -> Result<T> {
+    pub(crate) fn run<T>(
+        &self,
+        class: Class,
+        still: impl FnOnce() -> bool,
+        work: impl FnOnce() -> Result<T>,
+    ) -> Result<T> {
         let control = Control::new();
         *self.current.lock().unwrap_or_else(PoisonError::into_inner) = Some((control.clone(), class));
         let result = if still() { control.run(work) } else { Err(barymap::Error::Cancelled) };

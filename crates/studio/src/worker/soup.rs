@@ -64,7 +64,8 @@ impl Soup {
                 None => parts.push(Part { corners: first..first + 3, picture: shown }),
             }
             let uv = mesh.triangle_texcoords(t);
-            let placement = layer.filter(|l| l.face_texture.is_none()).zip(shown).and_then(|(l, k)| l.placements.get(k));
+            let placement =
+                layer.filter(|l| l.face_texture.is_none()).zip(shown).and_then(|(l, k)| l.placements.get(k));
             for k in 0..3 {
                 let v = triangle[k] as usize;
                 let uv = uv.map_or(glam::DVec2::ZERO, |uv| uv[k]);
@@ -130,7 +131,8 @@ mod tests {
     fn parts_have_one_picture_each() {
         let mesh = uv_sphere(1.0, 6, 4);
         let mut layer = Textures::single(Image::zeros(2, 2, 3, Depth::U8).unwrap());
-        layer.face_texture = Some((0..mesh.triangle_count() as u32).map(|t| if t % 3 == 2 { NONE } else { t % 3 }).collect());
+        layer.face_texture =
+            Some((0..mesh.triangle_count() as u32).map(|t| if t % 3 == 2 { NONE } else { t % 3 }).collect());
         let soup = Soup::new(&mesh, Some(&layer));
         let pictures: Vec<_> = soup.parts.iter().map(|p| p.picture).collect();
         assert_eq!(pictures, [Some(0), Some(1), None]);

@@ -52,10 +52,12 @@ fn broken_files_are_told_in_words() {
         assert_eq!(dropped(&mut window, file), None);
     }
     let document = window.studio().document().clone();
-    assert!(dropped(&mut window, &write("half.obj", &whole[..whole.len() / 3])).is_some() || {
-        // A third of an OBJ file has vertices and no faces.
-        false
-    });
+    assert!(
+        dropped(&mut window, &write("half.obj", &whole[..whole.len() / 3])).is_some() || {
+            // A third of an OBJ file has vertices and no faces.
+            false
+        }
+    );
     assert_eq!(*window.studio().document(), document);
     assert!(dropped(&mut window, &write("half.png", &picture[..picture.len() / 2])).is_some());
 }

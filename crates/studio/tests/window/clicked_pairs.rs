@@ -18,8 +18,7 @@ fn error(pair: &ModelPair, subjects: &[Subject; 2], anchors: &AnchorPairs) -> f6
     let [source, target] = subjects;
     let options = EmbeddingOptions::default();
     let choice = barymap::desk::Choice { keep_all: true, ..Default::default() };
-    let made =
-        barymap::desk::correspond(&Engine::cpu(), source, target, anchors, &choice, &options, &Quiet).unwrap();
+    let made = barymap::desk::correspond(&Engine::cpu(), source, target, anchors, &choice, &options, &Quiet).unwrap();
     let (from, to) = ((&source.mesh, &source.topology), (&target.mesh, &target.topology));
     let images = vertex_map(from, to, made.map.as_ref()).unwrap();
     let size = source.mesh.area().sqrt();

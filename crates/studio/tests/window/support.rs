@@ -13,6 +13,20 @@ use tempfile::TempDir;
 /// A test that waits longer than this has failed: no result depends on it.
 const PATIENCE: Duration = Duration::from_secs(300);
 
+/// A file that was dropped.
+#[derive(Debug)]
+struct Dropped(PathBuf);
+
+impl egui::DroppedFile for Dropped {
+    fn path(&self) -> &Path {
+        &self.0
+    }
+
+    fn bytes(&self) -> Result<Vec<u8>, String> {
+        std::fs::read(&self.0).map_err(|e| e.to_string())
+    }
+}
+
 /// A studio and its folder.
 pub(crate) struct Window {
     pub(crate) harness: Harness<'static, Studio>,
@@ -85,7 +99,7 @@ impl Window {
 
     /// Drops a file onto the window.
     pub(crate) fn drop_file(&mut self, path: &Path) {
-        let file = egui::DroppedFile { path: Some(path.to_path_buf()), ..Default::default() };
+        let file = std::sync::Arc::new(Dropped(path.to_path_buf()));
         self.harness.input_mut().dropped_files.push(file);
         self.harness.run_steps(2);
     }

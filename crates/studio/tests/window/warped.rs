@@ -9,9 +9,14 @@ use crate::support::Window;
 fn a_vertex_is_dragged_and_the_picture_exported() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("board.png");
-    let image = Image::from_fn(320, 240, |x, y| {
-        if (x / 20 + y / 20) % 2 == 0 { [230, 220, 200, 255] } else { [60, 90, 140, 255] }
-    });
+    let image =
+        Image::from_fn(
+            320,
+            240,
+            |x, y| {
+                if (x / 20 + y / 20) % 2 == 0 { [230, 220, 200, 255] } else { [60, 90, 140, 255] }
+            },
+        );
     barymap::io::write_image(&image.unwrap(), &path).unwrap();
     let mut window = Window::new(&[]);
     window.harness.get_by_label("Warp").click();
@@ -35,7 +40,9 @@ fn a_vertex_is_dragged_and_the_picture_exported() {
     window.harness.run_steps(2);
     let moved = window.studio().document().warp.loops[0].target[k];
     assert!(moved.distance(from) > 100.0, "{moved} from {from}");
-    window.until("the map at rest", |s| s.warp().state().is_some_and(|w| w.settled && w.single.is_some_and(|x| x <= 0.0)));
+    window.until("the map at rest", |s| {
+        s.warp().state().is_some_and(|w| w.settled && w.single.is_some_and(|x| x <= 0.0))
+    });
     let state = *window.studio().warp().state().unwrap();
     assert!(state.steps > 1 && !state.folds && state.minimum > 0.0, "{state:?}");
     window.picture("warp");
