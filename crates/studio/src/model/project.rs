@@ -310,7 +310,7 @@ mod tests {
             (&good.replace("\"version\": 1", "\"version\": 99"), "its version is 99"),
             (&good.replace("rbf", "magic"), "magic"),
             (&good.replace("0.1,", "-0.1,"), "barycentric"),
-            (&good.replace("\"target\": [\n        [", "\"target\": [\n        [1,2],["), "loop 0"),
+            (&good.replace("\"target\": [\n          [", "\"target\": [\n          [1, 2], ["), "loop 0"),
         ];
         for (text, says) in bad {
             assert_ne!(text, good);

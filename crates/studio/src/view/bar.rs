@@ -10,6 +10,7 @@ impl Studio {
         egui::Panel::top("menu").show(ui, |ui| {
             egui::MenuBar::new().ui(ui, |ui| {
                 ui.menu_button("File", |ui| self.file_menu(ui));
+                ui.menu_button("View", Self::theme_menu);
                 ui.menu_button("Help", |ui| self.help_menu(ui));
                 ui.separator();
                 ui.selectable_value(&mut self.workspace, Workspace::Transfer, "Transfer")
@@ -29,7 +30,6 @@ impl Studio {
                     self.redo();
                 }
                 ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                    egui::widgets::global_theme_preference_buttons(ui);
                     let name = self.project.as_ref().and_then(|p| p.file_name());
                     let name = name.map_or("not saved yet".into(), |n| n.to_string_lossy().into_owned());
                     ui.weak(if self.is_changed() { format!("{name} *") } else { name });
@@ -97,6 +97,17 @@ impl Studio {
         if ui.button("Quit").clicked() {
             ctx.send_viewport_cmd(egui::ViewportCommand::Close);
             ui.close();
+        }
+    }
+
+    fn theme_menu(ui: &mut egui::Ui) {
+        use egui::ThemePreference::{Dark, Light, System};
+        let mut theme = ui.ctx().options(|o| o.theme_preference);
+        for (one, word) in [(Light, "Light"), (Dark, "Dark"), (System, "As the system")] {
+            if ui.radio_value(&mut theme, one, word).clicked() {
+                ui.ctx().set_theme(theme);
+                ui.close();
+            }
         }
     }
 

@@ -107,7 +107,8 @@ impl Studio {
                 let [r, g, b] = if wrong.is_some() { color::WRONG } else { color::of_pair(id) };
                 let (dot, _) = ui.allocate_exact_size(egui::Vec2::splat(12.0), egui::Sense::hover());
                 ui.painter().circle_filled(dot.center(), 5.0, Color32::from_rgb(r, g, b));
-                let number = ui.selectable_label(view.selected == Some(id), format!("{:>3}", k + 1));
+                let number = egui::Button::selectable(view.selected == Some(id), (k + 1).to_string());
+                let number = ui.add_sized([34.0, 18.0], number);
                 if number.on_hover_text(format!("Pair {}: click selects it, Delete removes it", k + 1)).clicked() {
                     chosen = Some(id);
                 }

@@ -289,6 +289,7 @@ impl Studio {
         self.transfer_side_panel(ui);
         egui::CentralPanel::no_frame().show(ui, |ui| {
             let whole = ui.max_rect();
+            ui.painter().rect_filled(whole, 0.0, ui.visuals().window_stroke.color);
             let half = Vec2::new(0.5 * (whole.width() - 2.0), whole.height());
             let left = Rect::from_min_size(whole.min, half);
             let right = Rect::from_min_size(Pos2::new(whole.max.x - half.x, whole.min.y), half);
@@ -305,7 +306,6 @@ impl Studio {
         let painter = ui.painter_at(rect);
         let dark = ui.visuals().dark_mode;
         let background = if dark { [0.12, 0.12, 0.14] } else { [0.93, 0.93, 0.95] };
-        painter.rect_filled(rect, 0.0, Color32::from_rgb_additive(0, 0, 0));
         if self.transfer.shapes[k].is_some() {
             self.mouse(&response, side);
         }

@@ -3,7 +3,7 @@
 //! The order of the work is that of urgency: answers to clicks; pairs that moved, at a coarse size;
 //! and when nothing else is wanted, the whole field, the full size, trust, and which pairs are wrong.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use barymap::desk::Textures;
 use barymap::picture::Image;
@@ -26,6 +26,10 @@ use crate::model::Side;
 
 /// Texels along a side of the picture during a drag.
 const COARSE: u32 = 512;
+/// The same where following takes longer than [`SLOW`].
+const COARSEST: u32 = 256;
+/// A step of a drag that takes longer than this is felt.
+const SLOW: Duration = Duration::from_millis(80);
 /// Texels that the full size does between two looks at the inbox.
 const SLICE: usize = 1 << 15;
 /// Bytes that a live transfer may take.
@@ -44,6 +48,7 @@ struct Live<'a> {
     /// Pairs that no map could be made of: not tried again.
     refused: Option<(PairList, Method)>,
     coarse: Option<LiveTransfer<'a>>,
+    coarse_size: u32,
     fine: Option<LiveTransfer<'a>>,
     fine_size: u32,
     /// Triangles that the full size has still to follow, while it is not being made.
@@ -65,6 +70,7 @@ pub(crate) fn run(owned: &Owned, inbox: &mut Inbox, out: &Out) -> Result<bool> {
         pairs: Vec::new(),
         refused: None,
         coarse: None,
+        coarse_size: COARSE,
         fine: None,
         fine_size: inbox.size,
         waiting: Vec::new(),
@@ -207,6 +213,7 @@ impl<'a> Live<'a> {
 
     /// Makes the map of the pairs that are wanted, and the coarse picture.
     fn follow(&mut self, inbox: &mut Inbox, out: &Out) -> Result<()> {
+        let begun = Instant::now();
         let (pairs, method) = (inbox.pairs.clone(), inbox.method);
         let made = match &mut self.mapper {
             Some(mapper) => mapper.follow(self.owned, &self.pairs, &pairs, method),
@@ -235,6 +242,9 @@ impl<'a> Live<'a> {
         self.update(&moved, inbox, out)?;
         if first {
             self.trust(out)?;
+        } else if begun.elapsed() > SLOW && self.coarse_size > COARSEST {
+            // From here on a smaller picture is dragged.
+            (self.coarse, self.coarse_size) = (None, COARSEST);
         }
         Ok(())
     }
@@ -250,7 +260,7 @@ impl<'a> Live<'a> {
         match &mut self.coarse {
             Some(live) => _ = live.update(mapper.map(), &triangles)?,
             None => {
-                let options = options(COARSE.min(inbox.size));
+                let options = options(self.coarse_size.min(inbox.size));
                 self.coarse =
                     Some(LiveTransfer::new(&source.mesh, &self.layers, &target.mesh, mapper.map(), &options)?);
             }

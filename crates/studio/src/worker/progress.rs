@@ -38,6 +38,12 @@ impl<'a> Reporter<'a> {
     }
 }
 
+impl Drop for Reporter<'_> {
+    fn drop(&mut self) {
+        self.out.send(Report::Idle);
+    }
+}
+
 impl Progress for Reporter<'_> {
     fn stage(&self, name: &str, total: u64) {
         let Ok(mut state) = self.state.lock() else { return };

@@ -22,7 +22,7 @@ fn an_export_is_what_the_command_line_writes() {
     window.until("a result", |s| s.transfer().result().is_some());
     window.harness.get_by_label("The texture as PNG, too").click();
     window.harness.run_steps(2);
-    window.harness.get_by_label("Export").click();
+    window.harness.get_by_role_and_label(egui::Role::Button, "Export").click();
     let model = folder.path().join("target_textured.glb");
     let done = |s: &barymap_studio::view::Studio, count: usize| {
         let failed: Vec<_> = s.messages().list().filter(|m| m.0 == Weight::Failed).collect();

@@ -90,9 +90,22 @@ impl Window {
     /// Turns a side so that a point faces the eye, and clicks at the nearest pixel.
     pub(crate) fn click_point(&mut self, side: Side, point: &SurfacePoint) {
         let normal = self.studio().transfer().shape(side).unwrap().mesh.triangle_area_normal(point.face as usize);
-        self.harness.state_mut().transfer_mut().camera_mut(side).face(normal);
+        // From where it is seen, as near to its front as can be: other parts may stand before it.
+        let normal = normal.normalize();
+        let mut from: Vec<glam::DVec3> = (0..400)
+            .map(|k| {
+                let (turn, height) = (2.399963 * f64::from(k), (f64::from(k) + 0.5) / 200.0 - 1.0);
+                glam::DVec3::new(turn.cos(), 0.0, turn.sin()) * (1.0 - height * height).sqrt() + height * glam::DVec3::Y
+            })
+            .chain([normal])
+            .collect();
+        from.sort_by(|a, b| b.dot(normal).total_cmp(&a.dot(normal)));
+        let seen = from.into_iter().any(|direction| {
+            self.harness.state_mut().transfer_mut().camera_mut(side).face(direction);
+            self.harness.state().transfer().sees(side, point)
+        });
         self.harness.run_steps(1);
-        assert!(self.studio().transfer().sees(side, point), "{point:?} is hidden");
+        assert!(seen && self.studio().transfer().sees(side, point), "{point:?} is hidden from everywhere");
         let at = self.studio().transfer().place(side, point).unwrap();
         self.click(egui::Pos2::new(at.x.floor() + 0.5, at.y.floor() + 0.5));
     }
