@@ -151,7 +151,7 @@ mod tests {
         let mesh = lobed_sphere(3, 0.3);
         let bvh = Bvh::new(&mesh);
         let mut camera = Camera::default();
-        camera.frame(mesh.bounds().unwrap());
+        camera.frame(mesh.bounds().unwrap(), 1.0);
         let mut random = Random::new(3);
         let mut hits = 0;
         for _ in 0..500 {

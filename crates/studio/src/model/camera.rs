@@ -43,12 +43,14 @@ pub struct Ray {
 }
 
 impl Camera {
-    /// Sees the whole of a box, from the direction that it has.
-    pub fn frame(&mut self, (low, high): (DVec3, DVec3)) {
+    /// Sees the whole of a box, from the direction that it has, in a picture of this width over
+    /// height.
+    pub fn frame(&mut self, (low, high): (DVec3, DVec3), aspect: f64) {
         let radius = 0.5 * low.distance(high);
         self.radius = if radius > 0.0 { radius } else { 1.0 };
         self.focus = 0.5 * (low + high);
-        self.distance = self.radius * (1.0 + HALF_HEIGHT * HALF_HEIGHT).sqrt() / HALF_HEIGHT;
+        let half = HALF_HEIGHT * aspect.clamp(0.2, 1.0);
+        self.distance = self.radius * (1.0 + half * half).sqrt() / half;
     }
 
     /// From the focus to the eye.
@@ -146,7 +148,7 @@ mod tests {
 
     fn camera() -> Camera {
         let mut camera = Camera { yaw: 0.7, pitch: -0.3, ..Camera::default() };
-        camera.frame((DVec3::new(-1.0, 0.0, 2.0), DVec3::new(3.0, 5.0, 4.0)));
+        camera.frame((DVec3::new(-1.0, 0.0, 2.0), DVec3::new(3.0, 5.0, 4.0)), 1.0);
         camera
     }
 
@@ -166,13 +168,14 @@ mod tests {
 
     #[test]
     fn a_framed_box_is_seen_whole_and_within_the_planes() {
-        let camera = camera();
-        for i in 0..8 {
+        for (aspect, i) in [0.6, 1.0, 1.7].into_iter().flat_map(|a| (0..8).map(move |i| (a, i))) {
+            let mut camera = camera();
+            camera.frame((DVec3::new(-1.0, 0.0, 2.0), DVec3::new(3.0, 5.0, 4.0)), aspect);
             let pick = |k: usize, a: f64, b: f64| if i >> k & 1 == 0 { a } else { b };
             let p = DVec3::new(pick(0, -1.0, 3.0), pick(1, 0.0, 5.0), pick(2, 2.0, 4.0));
-            let at = camera.project(p, 1.0).unwrap();
+            let at = camera.project(p, aspect).unwrap();
             assert!(at.abs().max_element() <= 1.0, "{at}");
-            let clip = camera.matrix(1.0) * p.extend(1.0);
+            let clip = camera.matrix(aspect) * p.extend(1.0);
             assert!((0.0..=1.0).contains(&(clip.z / clip.w)));
         }
     }

@@ -199,9 +199,11 @@ impl TransferView {
     }
 
     pub(super) fn set_shape(&mut self, side: Side, shape: Arc<OpenedShape>) {
+        let aspect = self.port(side).aspect();
         let camera = &mut self.cameras[side.index()];
         *camera = Camera { up: shape.up, ..Camera::default() };
-        camera.frame(shape.mesh.bounds().unwrap_or_default());
+        camera.frame(shape.mesh.bounds().unwrap_or_default(), aspect);
+        self.missing = "The shapes are being measured: pairs can be set already".into();
         self.mirrors[side.index()] = None;
         self.shapes[side.index()] = Some(shape);
         self.drawn[side.index()] = false;
@@ -622,8 +624,9 @@ impl Studio {
     /// Shows the whole of both shapes.
     pub(super) fn frame_shapes(&mut self) {
         for side in Side::BOTH {
+            let aspect = self.transfer.port(side).aspect();
             if let Some(shape) = &self.transfer.shapes[side.index()] {
-                self.transfer.cameras[side.index()].frame(shape.mesh.bounds().unwrap_or_default());
+                self.transfer.cameras[side.index()].frame(shape.mesh.bounds().unwrap_or_default(), aspect);
             }
         }
     }
