@@ -101,7 +101,11 @@ impl Window {
             .collect();
         from.sort_by(|a, b| b.dot(normal).total_cmp(&a.dot(normal)));
         let seen = from.into_iter().any(|direction| {
-            self.harness.state_mut().transfer_mut().camera_mut(side).face(direction);
+            // From near by, so that the points of other pairs lie apart.
+            let place = point.position(&self.studio().transfer().shape(side).unwrap().mesh);
+            let camera = self.harness.state_mut().transfer_mut().camera_mut(side);
+            camera.face(direction);
+            (camera.focus, camera.distance) = (place, 0.8 * camera.radius);
             self.harness.state().transfer().sees(side, point)
         });
         self.harness.run_steps(1);
