@@ -193,11 +193,11 @@ pub(super) struct Work {
     pub(super) cover: Vec<f32>,
     /// The square that each pixel lies in, row by row.
     pub(super) found: Found,
-    /// Block by block, as the next three.
+    /// Row by row; empty if not asked for.
+    pub(super) jacobian: Vec<f32>,
+    /// Block by block, as the next two.
     pub(super) seen: Footprints,
     pub(super) colors: Vec<Texel>,
-    /// Empty if not asked for.
-    pub(super) jacobian: Vec<f32>,
     pub(super) bases: Vec<[i32; 2]>,
 }
 
@@ -299,10 +299,7 @@ impl Job<'_> {
         self.sight.preimages(band, self.squares, &mut self.work, &mut self.stats)?;
         self.watch.lap("preimages");
         if let Some(jacobian) = &mut self.jacobian {
-            for y in 0..band.rows {
-                let row = &mut jacobian[(band.first + y) * band.width..][..band.width];
-                row.iter_mut().enumerate().for_each(|(x, j)| *j = self.work.jacobian[band.index(x, y)]);
-            }
+            jacobian[band.first * band.width..][..band.len()].copy_from_slice(&self.work.jacobian);
         }
         self.colors(band)?;
         self.watch.lap("filter");

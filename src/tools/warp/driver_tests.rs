@@ -216,6 +216,11 @@ fn polynomials_show_what_the_map_itself_shows() {
     assert_eq!(apart(4), 0);
     assert!(apart(2) < a.len() / 10_000 && apart(1) < a.len() / 500, "{} {}", apart(2), apart(1));
     let (mine, exact) = (found.jacobian.unwrap(), truth.jacobian.unwrap());
+    // Where they belong: beyond the first block of pixels, in both directions.
+    for (x, y) in [(150, 140), (181, 97), (100, 201)] {
+        let there = map.inverse(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)).unwrap().jacobian();
+        assert!((f64::from(exact[y as usize * 320 + x as usize]) - there).abs() < 1e-3 * there.max(1.0), "{x} {y}");
+    }
     let off = |(a, b): (&f32, &f32)| if b.is_nan() { 0.0 } else { (a - b).abs() / b.abs().max(1.0) };
     let worst = mine.iter().zip(&exact).map(off).fold(0.0, f32::max);
     assert!(worst < DERIVATIVE, "{worst}");
