@@ -25,7 +25,7 @@ fn a_project_is_saved_and_opened_again() {
     assert!(!window.studio().is_changed());
     let document = window.studio().document().clone();
     drop(window);
-    let mut again = Window::new(&[path.clone()]);
+    let mut again = Window::new(std::slice::from_ref(&path));
     again.until_opened();
     assert_eq!(*again.studio().document(), document);
     again.until("a result", |s| s.transfer().result().is_some());
