@@ -178,7 +178,9 @@ impl<'a> Live<'a> {
             {
                 let found = out.run(Class::Idle, || !inbox.receive(false), || contradicted(source, target, &list))?;
                 let id = |k: usize| self.pairs.get(k).map(|p| p.0);
-                out.send(Report::Wrong(found.outliers.iter().filter_map(|o| id(o.index).map(|id| (id, o.off))).collect()));
+                out.send(Report::Wrong(
+                    found.outliers.iter().filter_map(|o| id(o.index).map(|id| (id, o.off))).collect(),
+                ));
             }
             self.checked = true;
             return Ok(true);
