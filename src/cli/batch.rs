@@ -67,7 +67,6 @@ enum Outcome {
 
 pub(crate) fn run(common: &Common, arguments: &Arguments) -> Result<()> {
     interrupt::end_with_parent();
-    arguments.look.check_model()?;
     arguments.charts.check(arguments.look.size, arguments.look.model.is_some())?;
     let items = arguments.shard.of(read_targets(&arguments.targets, Some(&arguments.source))?);
     std::fs::create_dir_all(&arguments.output)
@@ -177,6 +176,7 @@ impl Arguments {
             }
             taken.push(name);
         }
+        self.look.check_model()?;
         Ok(names.clone())
     }
 }

@@ -149,12 +149,12 @@ pub(crate) fn check(program: &Command, matches: &ArgMatches, overwrite: bool) ->
                 // What a shell or a device takes is taken as it comes.
                 Role::Written if path.starts_with("/dev") => {}
                 Role::Written => {
-                    check_format(name, id, &spelt(argument), path)?;
                     let place = identity(path);
                     if let Some((_, other)) = written.iter().find(|(p, _)| *p == place) {
                         let what = format!("{} would be written twice, for {other} too", path.display());
                         return Err(Error::option(spelt(argument), what, "Give each output a name of its own"));
                     }
+                    check_format(name, id, &spelt(argument), path)?;
                     written.push((place, spelt(argument)));
                 }
             }
@@ -245,7 +245,8 @@ mod tests {
             assert!(words.iter().all(|w| message.contains(w)), "{line}: {message}");
         };
         let deform = "barymap deform @/a.obj --handles @/h.json -o";
-        says(&format!("{deform} @/b.obj --report @/./b.obj"), &["written twice", "--report", "--output"]);
+        says(&format!("{deform} @/b --report @/./b"), &["written twice", "--report", "--output"]);
+        says(&format!("{deform} @/b.glb --report @/r.png"), &["--report", "JSON"]);
         says(&format!("{deform} @/../{}/a.obj", dir.path().file_name().unwrap().display()), &["mesh", "--overwrite"]);
         says(&format!("{deform} @/b.obj --report @/h.json"), &["--handles", "--overwrite"]);
         says("barymap warp @/t.png --cage @/h.json -o @/w.png --heatmap @/w.png", &["written twice"]);

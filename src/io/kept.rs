@@ -1,6 +1,7 @@
 //! Files that are read are not overwritten, however they came to be read: a texture that the
 //! material of a mesh names is an input, too. Nor is what this run has written itself: of two
-//! outputs of one name one would be lost.
+//! outputs of one name one would be lost. Nor is a file that is write-protected, which renaming
+//! would go round.
 //!
 //! A command line turns this on, for the process.
 
@@ -65,10 +66,14 @@ pub(super) fn reading(path: &Path) -> Result<()> {
 /// A file is about to be written.
 ///
 /// # Errors
-/// [`Error::Option`] if it was read, or written before.
+/// [`Error::Option`] if it was read, or written before; [`Error::Io`] if it is write-protected.
 pub(super) fn writing(path: &Path) -> Result<()> {
     let known = known();
-    let Some(known) = known.as_ref().filter(|k| !k.read.is_empty() || !k.written.is_empty()) else { return Ok(()) };
+    let Some(known) = known.as_ref() else { return Ok(()) };
+    if !known.overwrite && std::fs::metadata(path).is_ok_and(|m| m.is_file() && m.permissions().readonly()) {
+        let what = std::io::Error::new(std::io::ErrorKind::PermissionDenied, "this file is write-protected");
+        return Err(Error::io(path, what, "Allow writing to it, name another output, or give --overwrite"));
+    }
     let Ok(place) = path.canonicalize() else { return Ok(()) };
     let option = known.planned.iter().find(|(p, _)| *p == place).map_or("--output", |(_, option)| option);
     if known.written.contains(&place) {

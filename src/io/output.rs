@@ -160,11 +160,6 @@ pub(super) fn final_place(path: &Path) -> Result<PathBuf> {
         return other(io::ErrorKind::IsADirectory, "this is a folder, a file is to be written");
     }
     let target = followed(path);
-    // Renaming would go round the protection.
-    if fs::metadata(&target).is_ok_and(|m| m.is_file() && m.permissions().readonly()) {
-        let what = io::Error::new(io::ErrorKind::PermissionDenied, "this file is write-protected");
-        return Err(Error::io(path, what, "Allow writing to it, remove it, or name another output"));
-    }
     let folder = folder_of(&target);
     if !folder.is_dir() {
         return other(io::ErrorKind::NotFound, &format!("the folder {} does not exist", folder.display()));
@@ -177,9 +172,16 @@ pub(super) fn final_place(path: &Path) -> Result<PathBuf> {
 /// Most links that are followed, as systems have it.
 const LINKS: usize = 40;
 
-/// What a symbolic link leads to, there or not yet; any other path as it is.
+/// What a symbolic link leads to, there or not yet; any other path as it is, and a link to what has
+/// no name, such as a pipe of a shell.
 pub(crate) fn followed(path: &Path) -> PathBuf {
+    if let Some(there) = path.is_symlink().then(|| fs::canonicalize(path).ok()).flatten() {
+        return there;
+    }
     let mut place = path.to_path_buf();
+    if place.exists() {
+        return place;
+    }
     for _ in 0..LINKS {
         let Ok(to) = fs::read_link(&place) else { break };
         place = folder_of(&place).join(to);

@@ -32,7 +32,7 @@ fn outputs_of_one_name_are_refused_however_they_come_by_it() {
     let f = with_cage();
     f.run(&format!("{WARP} -o new/w.png --heatmap new/../new/w.png")).fails(2, &["written twice", "--heatmap"]);
     f.run(&format!("{WARP} -o w.png --frames 3 --heatmap w_0001.png")).fails(2, &["w_0001.png", "frame"]);
-    f.run(&format!("{WARP} -o w.png --frames 3 --report w_0000.png")).fails(2, &["w_0000.png", "frame"]);
+    f.run(&format!("{WARP} -o w.png --frames 3 --report w_0000.png")).fails(2, &["w_0000.png", "JSON"]);
     f.run(&format!("{WARP} -o - --frames 2")).fails(2, &["--frames", "stdout"]);
     // A library beside a mesh.
     f.write("m.mtl", "newmtl skin\nKd 1 0 0\n");
@@ -75,15 +75,16 @@ fn names_say_what_files_are() {
 #[test]
 fn pairs_at_random_are_at_odds_and_few_say_nothing() {
     let f = Folder::spheres();
-    let check = |pairs: &str| {
-        f.write("odd.txt", pairs);
-        f.run("anchors s.obj t.obj --anchors odd.txt --check --strict")
+    let whole: serde_json::Value = serde_json::from_slice(&f.bytes("a.json")).unwrap();
+    let check = |count: usize, turn: usize| {
+        let side = |key: &str| whole[key].as_array().unwrap()[..count].to_vec();
+        let (mut source, target) = (side("source"), side("target"));
+        source.rotate_left(turn);
+        f.write("odd.json", &serde_json::json!({"source": source, "target": target}).to_string());
+        f.run("anchors s.obj t.obj --anchors odd.json --check --strict")
     };
-    let few = check("1 1\n2 2\n").succeeds();
+    let few = check(2, 0).succeeds();
     assert!(few.stdout.contains("too few") && !few.stdout.contains("none contradicts"), "{}", few.stdout);
-    // Vertices of the one ball in another order.
-    let n = 40;
-    let pairs = |step: usize| (0..n).map(|i| format!("{} {}\n", 3 * i + 1, 3 * (i * step % n) + 1)).collect::<String>();
-    check(&pairs(1)).succeeds();
-    check(&pairs(17)).fails(3, &["contradict one another"]);
+    check(40, 0).succeeds();
+    check(40, 7).fails(3, &["contradict one another"]);
 }
