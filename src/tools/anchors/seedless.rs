@@ -133,20 +133,24 @@ fn question(couple: &Couple<'_>, source: &Tips, target: &Tips, taken: &Assignmen
         let p = couple.shapes[side].mesh.positions[v as usize];
         format!("({:.4} {:.4} {:.4})", p.x, p.y, p.z)
     };
-    let named = |s: Option<usize>| match s {
-        Some(s) => format!("at {}", place(0, source.tips[s].vertex)),
-        None => "none of the limbs".to_owned(),
-    };
     // Tips are sorted by the length of their limbs.
-    let first = (0..taken.len()).find(|&t| taken[t] != other[t]).unwrap_or(0);
+    let both = taken
+        .iter()
+        .zip(other)
+        .zip(&target.tips)
+        .find_map(|((a, b), tip)| Some((tip, (*a)?, (*b)?)).filter(|x| x.1 != x.2));
+    let which = both.map_or_else(String::new, |(tip, a, b)| {
+        format!(
+            ": is the partner of the limb that ends at {} on {} at {} or at {} on {}? Give that pair with --anchors",
+            place(1, tip.vertex),
+            couple.shapes[1].mesh.name,
+            place(0, source.tips[a].vertex),
+            place(0, source.tips[b].vertex),
+            couple.shapes[0].mesh.name,
+        )
+    });
     format!(
-        "another assignment of the limbs fits nearly as well (left and right, or front and back, may be exchanged): is \
-         the partner of the limb that ends at {} on {} {}, or {} on {}? Give that pair with --anchors",
-        place(1, target.tips[first].vertex),
-        couple.shapes[1].mesh.name,
-        named(taken[first]),
-        named(other[first]),
-        couple.shapes[0].mesh.name,
+        "another assignment of the limbs fits nearly as well (left and right, or front and back, may be exchanged){which}"
     )
 }
 
