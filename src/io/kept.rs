@@ -10,11 +10,19 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::{Error, Result};
 
+/// A file that is going to be written.
+struct Planned {
+    place: PathBuf,
+    /// The option that names it.
+    option: String,
+    /// Whether it is there before anything is written.
+    there: bool,
+}
+
 /// What is known where this is on.
 #[derive(Default)]
 struct Known {
-    /// Files that are going to be written, each with the option that names it.
-    planned: Vec<(PathBuf, String)>,
+    planned: Vec<Planned>,
     /// Files that were read.
     read: Vec<PathBuf>,
     /// Files that were written.
@@ -34,9 +42,11 @@ fn known() -> MutexGuard<'static, Option<Known>> {
 /// without any list. With `overwrite` files that were read may be written.
 #[cfg_attr(not(feature = "cli"), expect(dead_code, reason = "for the command line"))]
 pub(crate) fn keep_inputs(planned: Option<Vec<(PathBuf, String)>>, overwrite: bool) {
-    let here = |paths: Vec<(PathBuf, String)>| {
-        paths.into_iter().filter_map(|(p, option)| Some((p.canonicalize().ok()?, option))).collect()
+    let plan = |(path, option): (PathBuf, String)| match path.canonicalize() {
+        Ok(place) => Planned { place, option, there: true },
+        Err(_) => Planned { place: path, option, there: false },
     };
+    let here = |paths: Vec<(PathBuf, String)>| paths.into_iter().map(plan).collect();
     *known() = planned.map(|paths| Known { planned: here(paths), overwrite, ..Known::default() });
 }
 
@@ -56,7 +66,7 @@ pub(super) fn reading(path: &Path) -> Result<()> {
     if known.overwrite {
         return Ok(());
     }
-    let planned = known.planned.iter().find(|(p, _)| *p == place).map(|(_, option)| refused(path, option));
+    let planned = known.planned.iter().find(|p| p.there && p.place == place).map(|p| refused(path, &p.option));
     if !known.read.contains(&place) {
         known.read.push(place);
     }
@@ -75,7 +85,7 @@ pub(super) fn writing(path: &Path) -> Result<()> {
         return Err(Error::io(path, what, "Allow writing to it, name another output, or give --overwrite"));
     }
     let Ok(place) = path.canonicalize() else { return Ok(()) };
-    let option = known.planned.iter().find(|(p, _)| *p == place).map_or("--output", |(_, option)| option);
+    let option = known.planned.iter().find(|p| p.place == place).map_or("--output", |p| &p.option);
     if known.written.contains(&place) {
         let what = format!("{} would be written twice: it is another output, or stands beside one", path.display());
         return Err(Error::option(option, what, "Give each output a name of its own"));
