@@ -5,7 +5,7 @@ use crate::geometry::material::{BASE_COLOR, Placement};
 use crate::geometry::{Mesh, NONE};
 use crate::io::image_file::Metadata;
 use crate::picture::Image;
-use crate::tools::transfer::LayerKind;
+use crate::tools::transfer::{Encoding, Layer, LayerKind};
 
 /// The pictures of one layer and how the source uses them.
 #[derive(Debug)]
@@ -73,6 +73,21 @@ impl Textures {
         let material_texture = vec![0; source.materials.len()];
         let vertices = Some(source.colors.clone());
         Ok(Self { vertices, default_texture: 0, material_texture, ..Self::empty(role, source) })
+    }
+
+    /// As a layer of a transfer; with `linear_light` light is averaged instead of stored values.
+    pub fn layer(&self, linear_light: bool) -> Layer<'_> {
+        Layer {
+            name: self.role.clone(),
+            images: self.images.iter().collect(),
+            material_texture: self.material_texture.clone(),
+            default_texture: self.default_texture,
+            placements: self.placements.clone(),
+            face_texture: self.face_texture.clone(),
+            vertices: self.vertices.as_deref(),
+            kind: self.kind,
+            encoding: Encoding { linear_light, ..Encoding::default() },
+        }
     }
 
     /// Whether the source needs texture coordinates for it.

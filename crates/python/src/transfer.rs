@@ -6,7 +6,7 @@ use barymap::picture::Image;
 use barymap::progress::Progress;
 use barymap::tools::attributes::{Attribute, AttributeKind, AttributeTransfer, VertexStatus, transfer_attributes};
 use barymap::tools::transfer::{
-    Background, Encoding, Layer, LayerKind, TransferOptions, TransferOutput, check_beforehand, transfer_on,
+    Background, Layer, LayerKind, TransferOptions, TransferOutput, check_beforehand, transfer_on,
 };
 use barymap::{Error, Result};
 use numpy::ndarray::{Array1, Array2};
@@ -98,20 +98,6 @@ fn placement(mesh: &Mesh) -> Placement {
     let mut all = mesh.materials.iter().map(|m| m.base_color_placement);
     let first = all.next().unwrap_or_default();
     if all.all(|p| p == first) { first } else { Placement::default() }
-}
-
-fn layer<'t>(textures: &'t Textures, look: &Look) -> Layer<'t> {
-    Layer {
-        name: textures.role.clone(),
-        images: textures.images.iter().collect(),
-        material_texture: textures.material_texture.clone(),
-        default_texture: textures.default_texture,
-        placements: textures.placements.clone(),
-        face_texture: textures.face_texture.clone(),
-        vertices: textures.vertices.as_deref(),
-        kind: textures.kind,
-        encoding: Encoding { linear_light: look.linear_light, ..Encoding::default() },
-    }
 }
 
 /// Pictures by role, coverage, ST-map, report.
@@ -214,7 +200,7 @@ impl PointMap {
         progress: &dyn Progress,
     ) -> Result<TransferOutput> {
         let (source, target) = (&self.source.mesh, &self.target.mesh);
-        let layers: Vec<Layer<'_>> = given.iter().map(|t| layer(t, look)).collect();
+        let layers: Vec<Layer<'_>> = given.iter().map(|t| t.layer(look.linear_light)).collect();
         if layers.is_empty() {
             return Err(Error::input("images: there is none", "Give a picture, or several by their roles"));
         }

@@ -20,8 +20,7 @@ use crate::io::{TextureName, finite};
 use crate::surface::{AnchorPairs, IdentityMap, PointMap};
 use crate::tools::point_cloud::{is_cloud, triangles_of_points};
 use crate::tools::transfer::{
-    Encoding, Fill, Filter, Layer, Pyramids, TransferOptions, TransferOutput, TransferStats, check_beforehand,
-    transfer_with,
+    Fill, Filter, Layer, Pyramids, TransferOptions, TransferOutput, TransferStats, check_beforehand, transfer_with,
 };
 use crate::tools::vertex_map::{VertexMap, vertex_map};
 use crate::{Error, Result};
@@ -312,7 +311,7 @@ impl<'p> Job<'_, 'p> {
         let roles: Vec<&str> = self.layers.iter().map(|l| l.role.as_str()).collect();
         let parts = names.parts(&target.mesh, &|text| session.warn(text))?;
         names.check(&parts, &roles, &target.mesh)?;
-        let layers: Vec<Layer<'p>> = self.layers.iter().map(|t| self.layer(t)).collect();
+        let layers: Vec<Layer<'p>> = self.layers.iter().map(|t| t.layer(self.look.linear_light)).collect();
         with_what_is_left(session.common, Room::default(), |memory| {
             check_beforehand(&source.mesh, &layers, &target.mesh, &self.look.options(memory))
         })?;
@@ -416,20 +415,6 @@ impl<'p> Job<'_, 'p> {
         });
         add(&mut report, &extra);
         Ok((result, vertices, report))
-    }
-
-    fn layer(&self, textures: &'p Textures) -> Layer<'p> {
-        Layer {
-            name: textures.role.clone(),
-            images: textures.images.iter().collect(),
-            material_texture: textures.material_texture.clone(),
-            default_texture: textures.default_texture,
-            placements: textures.placements.clone(),
-            face_texture: textures.face_texture.clone(),
-            vertices: textures.vertices.as_deref(),
-            kind: textures.kind,
-            encoding: Encoding { linear_light: self.look.linear_light, ..Encoding::default() },
-        }
     }
 
     /// What the user should know of the result.

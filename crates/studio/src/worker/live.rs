@@ -5,14 +5,13 @@
 
 use std::time::{Duration, Instant};
 
-use barymap::desk::Textures;
 use barymap::picture::Image;
 use barymap::progress::Progress;
 use barymap::surface::Status;
 use barymap::surface::correspondence::Method;
 use barymap::tools::anchors::{AnchorOptions, contradicted, propose, suggest};
 use barymap::tools::inverse_map::inverse_map;
-use barymap::tools::transfer::{Encoding, Layer, LiveTransfer, TransferOptions, coverage};
+use barymap::tools::transfer::{Layer, LiveTransfer, TransferOptions, coverage};
 use barymap::tools::vertex_map::{VertexMap, vertex_map};
 use barymap::{Error, Result};
 
@@ -64,7 +63,7 @@ struct Live<'a> {
 pub(crate) fn run(owned: &Owned, inbox: &mut Inbox, out: &Out) -> Result<bool> {
     let mut live = Live {
         owned,
-        layers: owned.textures.iter().map(layer).collect(),
+        layers: owned.textures.iter().map(|t| t.layer(false)).collect(),
         mapper: None,
         method: inbox.method,
         pairs: Vec::new(),
@@ -107,21 +106,6 @@ fn needs_embedding(owned: &Owned, inbox: &Inbox) -> bool {
     let missing = owned.subjects.iter().flatten().any(|s| s.embedding.is_none());
     // Those that cannot be embedded were reported by the outer loop.
     missing && inbox.method.needs_embedding() && !inbox.paused && !owned.is_hopeless()
-}
-
-/// The base colours as a layer, as the command line makes it.
-fn layer(textures: &Textures) -> Layer<'_> {
-    Layer {
-        name: textures.role.clone(),
-        images: textures.images.iter().collect(),
-        material_texture: textures.material_texture.clone(),
-        default_texture: textures.default_texture,
-        placements: textures.placements.clone(),
-        face_texture: textures.face_texture.clone(),
-        vertices: textures.vertices.as_deref(),
-        kind: textures.kind,
-        encoding: Encoding::default(),
-    }
 }
 
 impl<'a> Live<'a> {
